@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from metaid.errors import RecordError, first_of
 from metaid.models import Array
@@ -20,7 +21,7 @@ from metaid.recorded.choosing import (
     with_cutoff,
 )
 from metaid.recorded.comparing import WORTH
-from metaid.recorded.doubts.scales import scales_by_weight, torque_scale
+from metaid.recorded.doubts.scales import scales_of, torque_scale
 from metaid.recorded.doubts.suspects import examined, suspects
 from metaid.recorded.gains import Gains
 from metaid.recorded.held_out import HeldOut, Yardstick
@@ -54,6 +55,7 @@ class RecordedEstimate:
         scale: of all torques, by which they differ from what the nominal bodies need.
         carried: how many times that each joint carries of what the nominal bodies weigh (njoint); NaN where it does not
             tell, or is held.
+        accelerated: the same of the torque that accelerates them (njoint).
         held_out: how well what was left out is predicted.
         simulator_held_out: the same of `simulator`.
         nominal_held_out: the same of the nominal bodies with fitted friction.
@@ -76,6 +78,7 @@ class RecordedEstimate:
     zeros: Array
     scale: float
     carried: Array
+    accelerated: Array
     held_out: HeldOut
     simulator_held_out: HeldOut
     nominal_held_out: HeldOut
@@ -129,7 +132,7 @@ def estimate_records(
     if not all(own.judged.any() for own in logs):
         still = next(record for record, own in zip(records, logs, strict=True) if not own.judged.any())
         raise RecordError(f"{still.name}: too short, or no joint moves (allowed: some seconds of motion)")
-    model = model.with_still(usual_still(logs))
+    model = model.with_still(usual_still(logs)).with_passive(_idle(records) & ~model.untrusted)
     plain = _plain(records, logs, model)
     scale = 1.0 if plain is None or gains else torque_scale(plain)
     logs = with_cutoff(records, logs, model, model.is_pendulum and choices.zeros is not False, scale)
@@ -149,6 +152,7 @@ def estimate_records(
     if gains is not None:
         covariance = covariance + _of_gains(equations, gains.relative)
     systematic, lacking = _systematic(equations, records, logs, possible.values, gains is None)
+    factors = scales_of(equations)
     return RecordedEstimate(
         names=tuple(record.name for record in records),
         model=equations.model,
@@ -161,7 +165,8 @@ def estimate_records(
         repeated=repeated,
         zeros=_zeros(equations, free, blocks, possible.values),
         scale=scale,
-        carried=np.where(equations.held, np.nan, scales_by_weight(equations) / scale),
+        carried=np.where(equations.held, np.nan, factors.by_weight / scale),
+        accelerated=np.where(equations.held, np.nan, factors.by_motion / scale),
         held_out=held_out,
         simulator_held_out=simulator_held,
         nominal_held_out=_nominal(equations, yardstick, starts),
@@ -171,6 +176,12 @@ def estimate_records(
         moved=float(sum(own.judged.sum() * own.period for own in logs)),
         gains=gains,
     )
+
+
+def _idle(records: Sequence[Record]) -> NDArray[np.bool_]:
+    """Which joints (njoint) have no torque in any log, where others have."""
+    idle = ~np.any([record.torques.any(axis=0) for record in records], axis=0)
+    return np.asarray(idle & ~idle.all())
 
 
 def equations_like(found: RecordedEstimate, record: Record) -> Equations:

@@ -45,7 +45,8 @@ class HeldOut:
         by: whether whole `logs` or `blocks` were left out.
         joints: the names of the joints (njoint).
         missed: root mean square of the torque that was not predicted (njoint), in N m or N.
-        of: root mean square of the torque (njoint), in N m or N.
+        of: root mean square of the torque (njoint), in N m or N; of a joint without a motor that of the terms that
+            cancel.
         folds: the relative error of each fold (nfold).
         seconds: how long simulations were.
         angle: root mean square error of the angles at their end (njoint), in rad or m.
@@ -148,6 +149,11 @@ class Yardstick:
         rigid = self.rigid(model, values[: model.nbody], log, zeros)
         columns = model.friction_columns(own.speeds, own.accelerations, own.states(model), rigid)
         return own.filtered(rigid + columns @ values[model.nbody :])
+
+    def _terms(self, model: LinearModel, bodies: Array, log: int) -> Array:
+        """The squares of the torques' terms (nrow x njoint), by bodies (nbody)."""
+        own = self.logs[log]
+        return model.terms_squared(model.bodies(own.coordinates, own.speeds, own.accelerations), bodies)
 
     def sent(self, log: int, delay: float) -> Array:
         """The torques that acted (nrow x njoint), through the filter."""
@@ -260,6 +266,9 @@ class Yardstick:
                 sent = self.sent(log, delay)[rows]
                 left = sent - self.predicted(model, solution.values, log, zeros)[rows]
                 squares, whole = (model.trusted_alone((each**2).sum(axis=0)) for each in (left, sent))
+                if model.passive.any():
+                    terms = self._terms(model, solution.values[: model.nbody], log)[rows].sum(axis=0)
+                    whole = np.where(model.passive, terms, whole)
                 parts.append(Part(number, log, len(fold.logs), rows, squares, whole, solution.values, zeros))
         return _Predicted(tuple(parts), n, bool(model.untrusted.any()))
 

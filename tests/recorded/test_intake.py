@@ -98,6 +98,25 @@ def test_columns_are_understood_as_people_spell_them(how: str) -> None:
     assert kinds(record) == ["columns"]
 
 
+def test_words_of_a_log_stand_for_joints_that_have_but_numbers() -> None:
+    """In the order of the columns; where these are not of all joints, no word stands for any."""
+    log = clean().rename(columns=lambda name: name.replace("_1", "_shoulder").replace("_2", "_elbow"))
+    np.testing.assert_array_equal(read(log).torques, read(clean()).torques)
+    assert [repair.kind for repair in read(log).repairs] == ["columns"]
+    with pytest.raises(RecordError, match="no column 'angle_1'"):
+        read(log.rename(columns={"torque_elbow": "torque_wrist"}))
+
+
+def test_joint_without_a_column_for_its_torque_has_none() -> None:
+    """And that is said; without an angle a joint is no joint of the log."""
+    record = read(clean().drop(columns="torque_2"))
+    assert record.torques[:, 0].any()
+    assert not record.torques[:, 1].any()
+    assert [repair.text for repair in record.repairs] == ["no torque of joint 2: it is 0, as without a motor"]
+    with pytest.raises(RecordError, match="no column 'angle_2' beside 'angle_1'"):
+        read(clean().drop(columns="angle_2"))
+
+
 def test_columns_of_one_joint_need_no_number() -> None:
     """As a bench of one joint writes them; of two joints nobody knows whose they are."""
     log = clean()[["time", "angle_1", "speed_1", "torque_1"]]

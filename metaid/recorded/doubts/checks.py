@@ -23,7 +23,7 @@ from metaid.recorded.doubts.conventions import (
     suspected,
     together,
 )
-from metaid.recorded.doubts.scales import UNIT, joint_scales
+from metaid.recorded.doubts.scales import UNIT, scales_of
 from metaid.recorded.estimating import RecordedEstimate
 from metaid.recorded.reading.log import Record
 from metaid.recorded.weak_form.equations import Equations, Part, equations_of
@@ -35,6 +35,7 @@ LOST = 0.3  # of the torque: where less is unexplained, the unit is known, and n
 BOTH = 0.7  # of what one leaves: as NAMED of two at once, for there are many pairs
 FIRST, TRIED = 12, 16  # facts of which others are tried beside, and pairs that are tried on a possible model
 THOUSANDS = (1000.0, 0.001)
+DRIVEN = 0.1  # of the terms that cancel in a joint without a motor, that it has beside them
 FRICTION = 50.0  # times the torque of a joint's bodies that its friction may be
 LIGHT = 0.02  # of the strongest joint's torque, for a joint that bodies hardly load
 
@@ -58,16 +59,20 @@ def facts_of(records: Sequence[Record], found: RecordedEstimate, measured: Absol
         found: what they say.
         measured: how they measure the robot; by default its joints.
     """
-    dead = [
-        f"every torque of joint {name} is 0"
-        for joint, name in enumerate(found.model.joints)
-        if not (found.model.untrusted[joint] or any(record.torques[:, joint].any() for record in records))
-    ]
-    if dead:
-        return tuple(Fact(text, "", 0.0) for text in dead)
+    dead = found.model.passive & ~found.equations.held & (found.held_out.by_joint > DRIVEN)
+    driven = tuple(_driven(name) for name in np.array(found.model.joints)[dead].tolist())
     equations = _thinned(records, found.logs, found)
-    if equations is None:
-        return ()
+    return driven if equations is None else (*_named(equations, found, measured), *driven)
+
+
+def _named(equations: Equations, found: RecordedEstimate, measured: Absolute | None) -> tuple[Fact, ...]:
+    """What looks wrong, beside joints that seem to have a motor.
+
+    Args:
+        equations: few windows of the logs.
+        found: what they say.
+        measured: how they measure the robot; by default its joints.
+    """
     check = Check(equations, found.fastest, absolute_of(found.model) if measured is None else measured)
     usual = check.left()
     units = _units(check)
@@ -101,16 +106,27 @@ def facts_of(records: Sequence[Record], found: RecordedEstimate, measured: Absol
     return (*(fact for _, fact in units.values()), *turned, *(telling if usual.max() >= WRONG else ()))
 
 
+def _driven(name: str) -> Fact:
+    """That a joint whose torques are all 0 does not move as one without a motor does."""
+    option = f"--untrusted {name}"
+    text = f"every torque of joint {name} is 0, but a motor seems to move it: {option} fits nothing to its torque"
+    return Fact(text, option, 0.0)
+
+
 def _turned(found: RecordedEstimate) -> tuple[Fact, ...]:
-    """That gravity points the other way, or that all torques are turned, where the nominal bodies of an arm need the
-    opposite of what every joint carries: bodies that carry it may predict as well, or nearly so.
+    """That gravity points the other way, or that all torques are turned, where the nominal bodies need the opposite of
+    what every joint carries: bodies that carry it may predict as well, or nearly so. Of a pendulum the torque that
+    accelerates it tells that it was zeroed where it hangs.
     """
-    prior = found.model.prior
-    if prior is None or found.model.is_pendulum:
+    prior, is_pendulum = found.model.prior, found.model.is_pendulum
+    known, moved = (each[np.isfinite(each)] for each in (found.carried, found.accelerated))
+    if len(known) < (1 if is_pendulum else 2) or (known > 0.0).any():
         return ()
-    known = found.carried[np.isfinite(found.carried)]
-    if len(known) < 2 or (known > 0.0).any():
-        return ()
+    if is_pendulum:
+        name = found.model.joints[0]
+        text, option = f"the zero of joint {name} is off by 180°", f"--zero {name}={np.pi:.4f}"
+        return (Fact(f"{text}: {option}", option, 0.0),) if len(moved) and (moved > 0.0).all() else ()
+    assert prior is not None
     option = "--gravity " + ",".join(f"{0.0 - each:g}" for each in prior.nominal.gravity)
     text = (
         "the nominal bodies need the opposite of what every joint carries: gravity points the other way in the frame "
@@ -187,7 +203,7 @@ def _units(check: Check) -> dict[int, tuple[float, Fact]]:
     """
     units: dict[int, tuple[float, Fact]] = {}
     equations = check.equations
-    names, signed = equations.model.joints, joint_scales(equations)
+    names, signed = equations.model.joints, scales_of(equations).joined
     known = signed[np.isfinite(signed)]
     # A joint that needs the other sign than most is wrong in another way than by its unit.
     scales = np.where(signed * np.median(known) > 0.0, np.abs(signed), np.nan) if len(known) else signed

@@ -56,8 +56,9 @@ class Check:
         missed, whole = np.zeros(model.njoint), np.zeros(model.njoint)
         for own, torques in zip(rows, self.equations.torques, strict=True):
             left = torques - own[..., : len(values)] @ values
+            terms = model.terms_squared(own, self.equations.scale * model.nominal)
             missed += model.trusted_alone((left**2).sum(axis=(0, 1)))
-            whole += model.trusted_alone((torques**2).sum(axis=(0, 1)))
+            whole += model.trusted_alone(np.where(model.passive, terms, torques**2).sum(axis=(0, 1)))
         return np.asarray(np.sqrt(missed / np.maximum(whole, 1e-300)), dtype=np.float64)
 
     def with_scale(self) -> Check:
@@ -139,7 +140,7 @@ def suspected(check: Check) -> Iterator[Suspected]:
     model = check.equations.model
     n, names = model.njoint, model.joints
     one = np.eye(n)
-    for joint in np.flatnonzero(~model.untrusted).tolist():
+    for joint in np.flatnonzero(~(model.untrusted | model.passive)).tolist():
         text = f"the torque of joint {names[joint]} has the opposite sign"
         yield Suspected(text, f"--scale {names[joint]}=-1", check.with_torques(1.0 - 2.0 * one[joint]))
     if n > 1:

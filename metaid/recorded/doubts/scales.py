@@ -21,24 +21,11 @@ BESIDE = ("viscous", "coulomb", "offset")
 THINNED = 4  # nodes of a window: a factor need not be known as exactly as what is found
 
 
-def joint_scales(equations: Equations) -> Array:
-    """The factor of each joint (njoint), beside friction that is fitted; NaN where the joint does not tell.
-
-    A rough model may have inertias that are farther off than any unit. Where what a joint carries and what it moves ask
-    for other factors, that of what it carries counts.
-    """
-    return _scales_of(equations).joined
-
-
-def scales_by_weight(equations: Equations) -> Array:
-    """The factor of each joint (njoint) by what it carries; NaN where the joint does not tell."""
-    return _scales_of(equations).by_weight
-
-
 @dataclass(frozen=True)
-class _Scales:
-    """The factor of each joint by all that it needs, `whole`, by what it carries, `by_weight`, and by what it moves,
-    `by_motion` (njoint each); NaN where the joint does not tell. And which joints carry anything (njoint).
+class Scales:
+    """The factor of each joint, beside friction that is fitted, by all that it needs, `whole`, by what it carries,
+    `by_weight`, and by what it moves, `by_motion` (njoint each); NaN where the joint does not tell. And which joints
+    carry anything (njoint).
     """
 
     whole: Array
@@ -48,12 +35,14 @@ class _Scales:
 
     @property
     def joined(self) -> Array:
-        """Those that count (njoint)."""
+        """Those that count (njoint). A rough model may have inertias that are farther off than any unit. Where what a
+        joint carries and what it moves ask for other factors, that of what it carries counts.
+        """
         agree = (self.by_motion / self.by_weight >= 1.0 / FAR) & (self.by_motion / self.by_weight <= FAR)
         return np.where(np.isfinite(self.by_weight) & ~agree, self.by_weight, self.whole)
 
 
-def _scales_of(equations: Equations) -> _Scales:
+def scales_of(equations: Equations) -> Scales:
     """Of the joints, by the nominal bodies beside friction, and beside a rotor where a joint carries nothing."""
     model, scales = equations.model, np.full((3, equations.model.njoint), np.nan)
     solution, rows, _ = equations.solved
@@ -74,7 +63,7 @@ def _scales_of(equations: Equations) -> _Scales:
         scales[:1, joint] = _factors(needed[:, None], beside, sent)
         scales[1:, joint] = _factors(np.column_stack([weight, needed - weight]), beside, sent)
     whole, by_weight, by_motion = scales
-    return _Scales(whole, by_weight, by_motion, carries)
+    return Scales(whole, by_weight, by_motion, carries)
 
 
 def _carried(part: Part, model: LinearModel, zeros: Array) -> Array:
@@ -103,7 +92,7 @@ def _factors(bodies: Array, beside: Array, sent: Array) -> Array:
 
 def torque_scale(equations: Equations) -> float:
     """The factor of all torques, by joints that carry something if any of them tells; 1 where it is within FAR."""
-    scales = _scales_of(equations)
+    scales = scales_of(equations)
     known = np.abs(scales.joined)
     tells = np.isfinite(known)
     tells &= scales.carries | ~(tells & scales.carries).any()

@@ -144,14 +144,16 @@ def suspects(equations: Equations, values: Array, scales: bool) -> Iterator[Susp
         zeros = np.zeros(n)
         columns = [part.zero_columns(model, values[: model.nbody], zeros) for part in parts]
         yield Suspect("an offset of the encoder", columns, every, np.full(n, OFF))
-    if scales and n > 1:  # of one joint, or of all, no log shows it
-        against = np.linalg.svd(np.eye(n) - 1.0 / n)[0][:, :-1]  # those of all joints together are 0
+    driven = np.flatnonzero(~(model.passive | model.untrusted)).tolist()
+    if scales and len(driven) > 1:  # of one joint, or of all, no log shows it
+        against = np.linalg.svd(np.eye(len(driven)) - 1.0 / len(driven))[0][:, :-1]  # those of all together are 0
         columns = []
         for torques in equations.torques:
             one_each = np.zeros((*torques.shape, n))
             one_each[..., joints, joints] = torques
-            columns.append(one_each @ against)
-        yield Suspect("another scale of the torques", columns, every, np.full(n - 1, SCALE), against)
+            columns.append(one_each[..., driven] @ against)
+        deviations = np.full(len(driven) - 1, SCALE)
+        yield Suspect("another scale of the torques", columns, tuple(driven), deviations, against)
     if model.prior is not None:
         yield _misplaced(equations, model.prior, values[: model.nbody])
 

@@ -2,13 +2,13 @@
 
 Understood are a word for a kind (`angle`, `pos`, `q`; `speed`, `vel`, `dq`; `torque`, `effort`, `tau`) beside a joint's
 name or number, before or after it: `angle_1`, `q1`, `/joint_states/elbow/position`, `actual_q_0`. One joint alone needs
-neither.
+neither. Where the robot's joints have no names, those of the log count, in the order of its columns.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from metaid.errors import RecordError, unknown
@@ -41,7 +41,8 @@ class Understood:
     Attributes:
         times: the column of the times, or those of s and ns.
         unit: of the times, where its name says so.
-        kinds: of angle, speed and torque the columns, joint by joint; none where no joint has one.
+        kinds: of angle, speed and torque the columns, joint by joint; none where no joint has one, and an empty name of
+            a joint without a torque.
         notes: what was understood that is not spelled as metaid does.
     """
 
@@ -53,7 +54,7 @@ class Understood:
     @property
     def wanted(self) -> list[str]:
         """All columns that are read."""
-        return list(dict.fromkeys([*self.times, *(each for own in self.kinds.values() for each in own)]))
+        return list(dict.fromkeys([*self.times, *(each for own in self.kinds.values() for each in own if each)]))
 
 
 @dataclass(frozen=True)
@@ -79,20 +80,25 @@ def understood(table: Table, joints: Sequence[str], mapping: Mapping[str, str]) 
         RecordError: some joints have a column of a kind and others have none, or a name means nothing.
     """
     names = _renamed(table, joints, mapping)
-    meant = [each for column, name in names.items() if (each := _meaning(column, name, joints))]
+    called = _called(names.values(), joints)
+    meant = [each for column, name in names.items() if (each := _meaning(column, name, called))]
     kinds, base = {}, None
     for kind in KINDS:
-        kinds[kind], own = _of_kind(table, kind, meant, joints)
+        kinds[kind], own = _of_kind(table, kind, meant, called)
         base = own if own is not None else base
     is_current = not kinds["torque"]
     if is_current:
-        kinds["torque"], _ = _of_kind(table, "current", meant, joints)
+        kinds["torque"], _ = _of_kind(table, "current", meant, called)
     times, unit = _clock(names)
     found = Understood(times, unit, kinds, ())
     notes = _notes(table, found, names, joints, base)
     if is_current and kinds["torque"]:
         text = "motor currents stand for torques: every number is in their unit, until --scale says N m in one of it"
         notes += (Repair("currents", len(kinds["torque"]), text),)
+    idle = [joint for joint, column in zip(joints, kinds["torque"], strict=False) if not column]
+    if idle:
+        text = f"no torque of joint {', '.join(idle)}: it is 0, as without a motor"
+        notes += (Repair("torque", len(idle), text),)
     return Understood(times, unit, kinds, (*table.notes, *notes))
 
 
@@ -113,6 +119,23 @@ def _renamed(table: Table, joints: Sequence[str], mapping: Mapping[str, str]) ->
         names[own] = meaning
     said = set(mapping.values()) | set(mapping)
     return {column: name for column, name in names.items() if column in said or name not in said}
+
+
+def _called(names: Iterable[str], joints: Sequence[str]) -> Sequence[str]:
+    """What the log calls the joints: where the robot has but numbers for them, the words beside `angle` and `torque`,
+    in the order of the columns, if there is one for each joint.
+    """
+    if not all(joint.isdigit() for joint in joints):
+        return joints
+    words: dict[str, list[str]] = {}
+    for name in names:
+        kinds = [each for each in tokens_of(name) if each in KIND_OF]
+        called = "_".join(each for each in tokens_of(name) if each not in {*kinds, *PLAIN, *WISHED})
+        if len(kinds) == 1 and called and not re.search(r"\d", called) and not OTHERS & set(tokens_of(name)):
+            words.setdefault(KIND_OF[kinds[0]], []).append(called)
+    own, others = (list(dict.fromkeys(words.get(kind, ()))) for kind in ("angle", "torque"))
+    others = others or list(dict.fromkeys(words.get("current", ())))
+    return own if len(own) == len(joints) and set(own) == set(others) else joints
 
 
 def tokens_of(name: str) -> list[str]:
@@ -161,7 +184,7 @@ def _of_kind(
     table: Table, kind: str, meant: Sequence[_Meant], joints: Sequence[str]
 ) -> tuple[tuple[str, ...], int | None]:
     """The columns of one kind, joint by joint, and the number of the first joint where they are numbered; measured
-    ones, else of torques those that were sent.
+    ones, else of torques those that were sent. A joint may have no torque.
     """
     njoint = len(joints)
     for is_wished in (False, True) if kind in ("torque", "current") else (False,):
@@ -179,14 +202,14 @@ def _of_kind(
             by_name = "" if joints[0].isdigit() else f", or named as {by_name}"
             raise RecordError(f"{table.name}: column '{column}' is of no joint (allowed: {first} to {last}{by_name})")
         missing = [joint for joint in range(njoint) if joint not in found]
-        if missing:
+        if missing and kind in ("angle", "speed"):
             own_name = joints[missing[0]] if found is named else str(missing[0] + 1)
             example = next(iter(found.values()))
             raise RecordError(
                 f"{table.name}: no column '{kind}_{own_name}' beside '{example}' "
                 f"(allowed: of all {njoint} joints, or --joints those that it has)"
             )
-        return tuple(found[joint] for joint in range(njoint)), base if found is by_number else None
+        return tuple(found.get(joint, "") for joint in range(njoint)), base if found is by_number else None
     return (), None
 
 
@@ -223,9 +246,10 @@ def _notes(
     """One line on columns that are not spelled as metaid does."""
     numbers = [str(i + 1) for i in range(len(joints))]
     said = []
-    for kind, own in found.kinds.items():
+    for kind, every in found.kinds.items():
+        own = [column for column in every if column]
         usual = [[kind], *([f"{kind}_{name}" for name in each] for each in (numbers, joints))]
-        if own and [names[column] for column in own] not in usual:
+        if own and not any({names[column] for column in own} <= {*each} for each in usual):
             said.append(f"{own[0]} to {own[-1]} are {kind}s" if len(own) > 1 else f"{own[0]} is the {kind}")
     if found.times and names[found.times[0]] != "time":
         said.append(f"{' and '.join(found.times)} {'is' if len(found.times) == 1 else 'are'} the time")

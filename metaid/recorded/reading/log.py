@@ -148,7 +148,7 @@ class Intake:
     def _numbers(self, table: Table, columns: Understood) -> Readings:
         """The cells of a table as numbers, NaN where a cell has none."""
         frame = table.load(columns.wanted)
-        kinds = {kind: _numbers(frame[list(own)]) if own else None for kind, own in columns.kinds.items()}
+        kinds = {kind: _numbers(frame, own) if any(own) else None for kind, own in columns.kinds.items()}
         angles = kinds["angle"]
         assert angles is not None
         if self.untrusted is not None and kinds["torque"] is not None:
@@ -180,11 +180,16 @@ class Intake:
         return Record(name, readings.times, readings.angles, readings.speeds, torques, readings.repairs, readings.rests)
 
 
-def _numbers(frame: pd.DataFrame) -> Array:
-    """The cells of some columns (nrow x ncolumn), NaN where one has no finite number."""
+def _numbers(frame: pd.DataFrame, names: Sequence[str]) -> Array:
+    """The cells of the columns of these names (nrow x ncolumn), NaN where one has no finite number, 0 of an empty name.
+
+    Args:
+        frame: all that was read.
+        names: of the columns.
+    """
+    cells = [frame[name] if name else pd.Series(0.0, index=frame.index) for name in names]
     columns = [
-        column if pd.api.types.is_numeric_dtype(column) else pd.to_numeric(column, errors="coerce")
-        for _, column in frame.items()
+        column if pd.api.types.is_numeric_dtype(column) else pd.to_numeric(column, errors="coerce") for column in cells
     ]
     numbers = np.column_stack([column.to_numpy(dtype=np.float64, na_value=np.nan) for column in columns])
     numbers[~np.isfinite(numbers)] = np.nan

@@ -47,7 +47,7 @@ def merged(pieces: Pieces) -> tuple[Table, Understood]:
     found: dict[str, Array | pd.Series] = {"time": times}
     for kind in KINDS:
         for table, own in owners[kind]:
-            read = frames[id(table)][list(own.kinds[kind])]
+            read = frames[id(table)][[each for each in own.kinds[kind] if each]]
             others = [each for each, _ in every]
             if table in others:
                 sampled = _at(times, split[1 + others.index(table)], read, kind == "torque")

@@ -52,7 +52,7 @@ def _refuse_degrees(readings: Readings, slides: NDArray[np.bool_]) -> None:
     if widest[joint] > MANY_TURNS:
         raise RecordError(
             f"{readings.name}: {readings.names['angle'][joint]} goes to {widest[joint]:.4g}, which looks like "
-            f"degrees (allowed: rad, at most {MANY_TURNS:g})"
+            f"degrees (allowed: rad, at most {MANY_TURNS:g}, or more in a column whose name says rad)"
         )
 
 

@@ -67,7 +67,7 @@ def judge_records(records: Sequence[Record], found: RecordedEstimate, facts: Seq
     against = tuple(_against(records, found, is_known))
     if against:
         return RecordedVerdict("not found", (*facts, *against), lumps)
-    told = (*_missed(found), *_held(found), *_carried(found), *_unexplained(found))
+    told = (*_missed(found), *_held(found), *_without_motor(found), *_carried(found), *_unexplained(found))
     if not is_known:
         told = (f"no parameter of the bodies is known to {COARSEST:.0%} by itself, only what they need together", *told)
     reasons = (predicted(found), *facts, *told, SCALE)
@@ -161,6 +161,16 @@ def _held(found: RecordedEstimate) -> Iterator[str]:
     if names:
         are = "is held, and its torque counts" if len(names) == 1 else "are held, and their torques count"
         yield f"{', '.join(names)} {are} little: stiction bears what a motor does not show"
+
+
+def _without_motor(found: RecordedEstimate) -> Iterator[str]:
+    """Which joints are taken to have no motor, in a sentence."""
+    names = [name for name, is_passive in zip(found.model.joints, found.model.passive, strict=True) if is_passive]
+    if names:
+        yield (
+            f"the torque of joint {', '.join(names)} is 0, as without a motor: its error is a share of the terms that "
+            "cancel"
+        )
 
 
 def _carried(found: RecordedEstimate) -> Iterator[str]:

@@ -33,6 +33,7 @@ ROUNDS = 3  # of the covariance across joints
 PASSES = 3  # of Newton's steps for zeros and for the friction that grows with load
 LEAST = 1e-9  # of the largest torque, that any joint's error is at least: rounding
 CHUNK = 2_000_000  # numbers at nodes that are made at a time
+PASSIVE, LEAST_PASSIVE = 0.1, 1e-3  # of the terms that cancel in a joint without a motor: its error, and the least
 UNTRUSTED = 1e12  # times the largest torque, squared: the variance of one that is not trusted
 SHIFT = 1e-5  # rad, for derivatives by a zero
 
@@ -186,24 +187,61 @@ class Equations:
         bodies = self.scale * model.nominal
         zeros = np.zeros((self.nlog, n))
         largest = max(float(np.abs(torques).max()) for torques in self.torques) or 1.0
-        floor = (LEAST * largest) ** 2 * np.eye(n)
         every = np.concatenate([torques.reshape(-1, n) for torques in self.torques])
-        covariance = np.diag(np.maximum((every**2).mean(axis=0), LEAST * largest**2))
-        covariance = self._without_untrusted(covariance, largest)
+        covariance, floor = np.zeros((n, n)), np.zeros((n, n))
         passes = PASSES if self.zeros or "load" in model.friction else 1
         for step in range(passes):
             rows = [self._rows(part, bodies, zeros[part.log], step > 0) for part in self.parts]
             nominal, prior = prior_of(model, rows, every, self.scale)
+            if step == 0:
+                usual, least = self._usual_errors(rows, every, largest)
+                covariance, floor = self._without_untrusted(np.diag(usual), largest), np.diag(least)
             for _ in range(ROUNDS):
                 weight = np.asarray(np.linalg.inv(covariance + floor), dtype=np.float64)
                 blocks = self._blocks(rows, weight, zeros)
                 values, changes, precision = eliminated(blocks, nominal, prior, zeros, self.zeros and step > 0)
                 left = self._left(rows, values, changes)
-                covariance = self._without_untrusted(self._of_held(left.T @ left / len(left)), largest)
+                covariance = self._of_held(left.T @ left / len(left))
+                covariance = self._without_untrusted(self._not_shrunk(covariance, rows, values), largest)
             zeros = zeros + changes
             bodies = values[: model.nbody]
         solution = Solution(values[:nparam], precision, prior, zeros, weight)
         return solution, rows, blocks
+
+    def _usual_errors(self, rows: list[Array], torques: Array, largest: float) -> tuple[Array, Array]:
+        """The variances of torques (njoint) to begin with, and the least that they may be. A joint without a motor is 0
+        of whatever weighs nothing, so its error is no less than a share of the terms that cancel.
+
+        Args:
+            rows: of each log (nwindow x ntest x njoint x nparam or more).
+            torques: averaged, of all logs (nrow x njoint).
+            largest: of these.
+        """
+        usual = np.maximum((torques**2).mean(axis=0), LEAST * largest**2)
+        least = np.full(len(usual), (LEAST * largest) ** 2)
+        if self.model.passive.any():
+            terms = self._terms(rows, self.scale * self.model.nominal)
+            usual = np.where(self.model.passive, PASSIVE**2 * terms, usual)
+            least = np.where(self.model.passive, LEAST_PASSIVE**2 * terms, least)
+        return usual, least
+
+    def _terms(self, rows: list[Array], bodies: Array) -> Array:
+        """The mean squares of the terms of each torque (njoint), by bodies (nbody)."""
+        squares = [self.model.terms_squared(own, bodies).mean(axis=(0, 1)) for own in rows]
+        return np.asarray(np.mean(squares, axis=0), dtype=np.float64)
+
+    def _not_shrunk(self, covariance: Array, rows: list[Array], values: Array) -> Array:
+        """The covariance of what is left of a torque (njoint x njoint), where in a joint without a motor errors are
+        shares of the terms that cancel: else bodies that weigh nothing would explain it best.
+        """
+        if not self.model.passive.any():
+            return covariance
+        nominal, found = (
+            self._terms(rows, bodies) for bodies in (self.scale * self.model.nominal, values[: self.model.nbody])
+        )
+        shrunk = np.sqrt(np.maximum(nominal / np.maximum(found, 1e-12 * nominal), 1.0))
+        growth = np.where(self.model.passive, shrunk, 1.0)
+        return np.asarray(covariance * np.outer(growth, growth), dtype=np.float64)
 
     @cached_property
     def held(self) -> NDArray[np.bool_]:

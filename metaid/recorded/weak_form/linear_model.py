@@ -64,6 +64,7 @@ class LinearModel:
         friction: the terms of the joints, in the order of COLUMNS.
         sliding: how dry friction follows the motion, and which joints are coupled.
         untrusted: which joints (njoint) move, but nothing is fitted to their torques.
+        passive: which joints (njoint) have no motor, so that their torque is known to be 0.
         prior: of an arm; None of a chain.
         chain: the nominal one; None of an arm.
         gravity: of a chain, in m/s².
@@ -82,6 +83,7 @@ class LinearModel:
     friction: tuple[str, ...]
     sliding: Sliding
     untrusted: NDArray[np.bool_]
+    passive: NDArray[np.bool_]
     prior: ArmPrior | None = None
     chain: Chain | None = None
     gravity: float = 0.0
@@ -168,6 +170,20 @@ class LinearModel:
     def with_untrusted(self, untrusted: NDArray[np.bool_]) -> LinearModel:
         """The same with other joints (njoint) to whose torques nothing is fitted."""
         return replace(self, untrusted=untrusted)
+
+    def with_passive(self, passive: NDArray[np.bool_]) -> LinearModel:
+        """The same with other joints (njoint) that have no motor."""
+        return replace(self, passive=passive)
+
+    def terms_squared(self, columns: Array, bodies: Array) -> Array:
+        """The squares of what each body parameter has of the torque of bodies (nbody), summed: its size, where all of
+        them cancel.
+
+        Args:
+            columns: the torque for a unit of each (... x nbody or more).
+            bodies: the unknowns of the bodies (nbody).
+        """
+        return np.asarray(((columns[..., : self.nbody] * bodies) ** 2).sum(axis=-1), dtype=np.float64)
 
     def trusted_alone(self, torques: Array) -> Array:
         """Torques, or squares of them (... x njoint), 0 where they are not trusted."""
@@ -277,6 +293,7 @@ def chain_model(chain: Chain, gravity: float, friction: tuple[str, ...] = ("visc
             friction=(),
             sliding=sliding,
             untrusted=np.zeros(n, dtype=np.bool_),
+            passive=np.zeros(n, dtype=np.bool_),
             chain=chain,
             gravity=gravity,
         ),
@@ -329,6 +346,7 @@ def arm_model(
             friction=(),
             sliding=sliding,
             untrusted=np.zeros(tree.njoint, dtype=np.bool_),
+            passive=np.zeros(tree.njoint, dtype=np.bool_),
             prior=prior,
         ),
         friction,

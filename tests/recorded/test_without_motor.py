@@ -1,0 +1,166 @@
+"""Joints without a motor tell bodies, too: what acts in them is known to be nothing.
+
+Machines are simulated here by equations of their own, with encoders of 0.38 mrad: a double pendulum with one motor, as
+pendubots and acrobots have, and a rotary pendulum.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import metaid
+from metaid.models import Array
+from metaid.recorded import RecordedResult
+
+pytestmark = pytest.mark.slow
+
+SECONDS, STEP, SUBSTEPS = 12.0, 0.005, 2  # s of a log, and between two rows, and Runge-Kutta steps in it
+ENCODER = 0.38e-3  # rad
+GRAVITY = 9.81
+Pair = tuple[float, float]
+Accelerate = Callable[[float, float, float, float, Pair], Pair]
+
+MASS, LENGTH, COM, INERTIA = (0.6, 0.63), (0.3, 0.2), (0.22, 0.18), (0.006, 0.0035)
+LUMPS = {
+    "gravity_1": MASS[0] * COM[0] + MASS[1] * LENGTH[0],
+    "gravity_2": MASS[1] * COM[1],
+    "coriolis_1_2": LENGTH[0] * MASS[1] * COM[1],
+    "inertia_1": INERTIA[0] + MASS[0] * COM[0] ** 2 + MASS[1] * LENGTH[0] ** 2,
+    "inertia_2": INERTIA[1] + MASS[1] * COM[1] ** 2,
+}
+BELIEVED = {
+    "gravity": GRAVITY,
+    "links": [
+        {"length": 0.3, "mass": 0.7, "com": 0.2, "inertia": 0.005},
+        {"length": 0.2, "mass": 0.5, "com": 0.15, "inertia": 0.003},
+    ],
+}
+ROTARY = {"arm": 0.0009, "mass": 0.024, "length": 0.085, "com": 0.0645, "inertia": 0.000133}
+ROTARY_FILE = """<mujoco><compiler angle="radian"/><worldbody><body>
+<joint name="arm" axis="0 0 1"/><inertial pos="0.04 0 0" mass="0.1" diaginertia="2e-5 2e-4 2e-4"/>
+<body pos="0.085 0 0"><joint name="pendulum" axis="-1 0 0"/>
+<inertial pos="0 0 0.05" mass="0.03" diaginertia="3e-5 3e-5 1e-6"/></body></body></worldbody></mujoco>"""
+
+
+def double_pendulum(first: float, second: float, speed: float, other: float, torques: Pair) -> Pair:
+    """Accelerations of the double pendulum; the first angle is from where it hangs, the second between its links."""
+    own, cosine, sine = LUMPS["inertia_2"], np.cos(second), np.sin(second)
+    cosine, sine = LUMPS["coriolis_1_2"] * cosine, LUMPS["coriolis_1_2"] * sine
+    outer = LUMPS["gravity_2"] * GRAVITY * np.sin(first + second)
+    inner = LUMPS["gravity_1"] * GRAVITY * np.sin(first) + outer
+    push = torques[0] + sine * (2.0 * speed * other + other**2) - inner - 0.008 * speed - 0.03 * np.tanh(50.0 * speed)
+    pull = torques[1] - sine * speed**2 - outer - 0.005 * other - 0.02 * np.tanh(50.0 * other)
+    return solved(LUMPS["inertia_1"] + own + 2.0 * cosine, own + cosine, own, push, pull)
+
+
+def rotary_pendulum(first: float, second: float, speed: float, other: float, torques: Pair) -> Pair:
+    """Those of the rotary pendulum; the second angle is from the upright."""
+    arm, mass, length, com, inertia = ROTARY.values()
+    cosine, sine, across = np.cos(second), np.sin(second), mass * length * com
+    turning = inertia * sine * cosine * speed
+    push = torques[0] - 2.0 * turning * other + across * sine * other**2 - 0.0003 * speed
+    pull = torques[1] + turning * speed + mass * GRAVITY * com * sine - 2e-5 * other
+    return solved(arm + mass * length**2 + inertia * sine**2, across * cosine, inertia, push, pull)
+
+
+def one_link(first: float, second: float, speed: float, other: float, torques: Pair) -> Pair:
+    """Those of the first link without the second, whose angle stays."""
+    push = torques[0] - MASS[0] * COM[0] * GRAVITY * np.sin(first) - 0.01 * speed
+    return push / (INERTIA[0] + MASS[0] * COM[0] ** 2), 0.0
+
+
+def solved(one: float, both: float, other: float, push: float, pull: float) -> Pair:
+    """What a mass matrix of two joints makes of two torques."""
+    size = one * other - both**2
+    return (other * push - both * pull) / size, (one * pull - both * push) / size
+
+
+def moved(accelerate: Accelerate, start: float, largest: Pair, seed: int, hertz: float = 1.2) -> pd.DataFrame:
+    """The log of a machine that is driven by sinusoids (of two amplitudes, in N m), as its encoders read it.
+    Its second angle begins at `start`.
+    """
+    random = np.random.default_rng(seed)
+    rates, phases = 2.0 * np.pi * random.uniform(0.15, hertz, 5), random.uniform(0.0, 6.0, 5)
+    state, rows, step = np.array([0.0, start, 0.0, 0.0]), [], STEP / SUBSTEPS
+
+    def rate(state: Array, torques: Pair) -> Array:
+        return np.array([*state[2:], *accelerate(*state.tolist(), torques)])
+
+    for row in range(round(SECONDS / STEP)):
+        wave = float(np.sin(rates * row * STEP + phases).sum())
+        one, other = (
+            (each * wave - 0.002 * angle) if each else 0.0 for each, angle in zip(largest, state, strict=False)
+        )
+        torques = one, other
+        rows.append([row * STEP, *np.round(state[:2] / ENCODER) * ENCODER, *torques])
+        for _ in range(SUBSTEPS):
+            first = rate(state, torques)
+            second = rate(state + 0.5 * step * first, torques)
+            third = rate(state + 0.5 * step * second, torques)
+            fourth = rate(state + step * third, torques)
+            state = state + step / 6.0 * (first + 2.0 * second + 2.0 * third + fourth)
+    return pd.DataFrame(rows, columns=["time", "angle_1", "angle_2", "torque_1", "torque_2"])
+
+
+@cache
+def swung(driven: int) -> list[pd.DataFrame]:
+    """Two logs of the double pendulum with a motor in one joint."""
+    largest = (0.14, 0.0) if driven == 0 else (0.0, 0.07)
+    return [moved(double_pendulum, 0.0, largest, seed) for seed in (0, 1)]
+
+
+def worst(found: RecordedResult, true: dict[str, float], names: Iterable[str]) -> float:
+    """The largest relative error of parameters of these `names`."""
+    values = found.verdict.lumps.set_index("name")["identified"]
+    return max(abs(float(values[name]) / true[name] - 1.0) for name in names)
+
+
+@pytest.mark.parametrize("driven", [0, 1])
+def test_double_pendulum_with_one_motor_is_identified(driven: int) -> None:
+    """By its first joint or by its second, whose torque says nothing of the first link."""
+    found = metaid.estimate(swung(driven), BELIEVED, zero={"1": np.pi})
+    assert found.verdict.word != "not found"
+    assert worst(found, LUMPS, ("gravity_1", "gravity_2")) < 0.01
+    table = found.verdict.lumps.set_index("name").loc[[*LUMPS]]
+    missed = (table["identified"] - pd.Series(LUMPS)).abs()
+    assert (missed < 2.0 * np.hypot(table["sd"], table["sd_systematic"])).all()
+    assert found.estimate.held_out.relative < 0.02
+    assert found.summary["held_out"]["motion"]["angle"][driven] < 0.005  # rad
+    other = 2 - driven
+    assert any(f"the torque of joint {other} is 0, as without a motor" in reason for reason in found.verdict.reasons)
+
+
+def test_rotary_pendulum_needs_no_column_for_a_motor_that_it_has_not(tmp_path: Path) -> None:
+    """And the log says so: gravity acts in the joint without one alone."""
+    (tmp_path / "rotary.xml").write_text(ROTARY_FILE)
+    logs = [moved(rotary_pendulum, np.pi, (0.003, 0.0), seed, 2.0).drop(columns="torque_2") for seed in (0, 1)]
+    found = metaid.estimate(logs, tmp_path / "rotary.xml")
+    true = {"m2z": ROTARY["mass"] * ROTARY["com"], "xx2": ROTARY["inertia"]}
+    true["zz1"] = ROTARY["arm"] + ROTARY["mass"] * ROTARY["length"] ** 2
+    assert found.verdict.word != "not found"
+    assert worst(found, true, true) < 0.05
+    repairs = [repair["text"] for log in found.summary["logs"] for repair in log["repairs"]]
+    assert repairs == ["no torque of joint pendulum: it is 0, as without a motor"] * 2
+
+
+def test_motor_whose_torque_was_not_logged_is_no_joint_without_one() -> None:
+    """It is named, with the option that leaves its torque out."""
+    log = moved(double_pendulum, 0.0, (0.1, 0.1), 0).assign(torque_2=0.0)
+    found = metaid.estimate(log, BELIEVED, zero={"1": np.pi})
+    assert any("--untrusted 2 " in reason for reason in found.verdict.reasons)
+
+
+@pytest.mark.parametrize("nlink", [1, 2])
+def test_pendulum_that_was_zeroed_where_it_hangs_is_named(nlink: int) -> None:
+    """Though a single link whose mass is on the other side moves alike."""
+    (log, *_) = swung(0)
+    if nlink == 1:
+        log = moved(one_link, 0.0, (0.1, 0.0), 0)[["time", "angle_1", "torque_1"]]
+    found = metaid.estimate(log, {**BELIEVED, "links": BELIEVED["links"][:nlink]})  # type: ignore[index]
+    assert any("--zero 1=3.1416" in reason for reason in found.verdict.reasons)
