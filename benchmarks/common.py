@@ -149,9 +149,9 @@ def interleaved(
 
 def table(rows: Sequence[Row]) -> str:
     """Rows with the same keys as a markdown table."""
-    lines = [" | ".join(rows[0]), " | ".join("---" for _ in rows[0])]
-    lines += [" | ".join(_figure(value) for value in row.values()) for row in rows]
-    return "\n".join(f"| {line} |" for line in lines)
+    cells = [list(rows[0]), *([_figure(value) for value in row.values()] for row in rows)]
+    head, *others = (f"| {' | '.join(each)} |" for each in cells)
+    return "\n".join([head, "|" + "---|" * len(rows[0]), *others])
 
 
 def _figure(value: Any) -> str:

@@ -150,10 +150,21 @@ class Yardstick:
         columns = model.friction_columns(own.speeds, own.accelerations, own.states(model), rigid)
         return own.filtered(rigid + columns @ values[model.nbody :])
 
-    def _terms(self, model: LinearModel, bodies: Array, log: int) -> Array:
-        """The squares of the torques' terms (nrow x njoint), by bodies (nbody)."""
+    def whole(self, model: LinearModel, bodies: Array, log: int, sent: Array) -> Array:
+        """The squares that errors of torques are shares of (nrow x njoint): of what was sent, and in a joint without a
+        motor of the terms that cancel.
+
+        Args:
+            model: what is unknown.
+            bodies: the unknowns of the bodies (nbody).
+            log: which of the logs.
+            sent: the torques that acted (nrow x njoint).
+        """
+        if not model.passive.any():
+            return model.trusted_alone(sent**2)
         own = self.logs[log]
-        return model.terms_squared(model.bodies(own.coordinates, own.speeds, own.accelerations), bodies)
+        terms = model.terms_squared(model.bodies(own.coordinates, own.speeds, own.accelerations), bodies)
+        return model.trusted_alone(np.where(model.passive, terms, sent**2))
 
     def sent(self, log: int, delay: float) -> Array:
         """The torques that acted (nrow x njoint), through the filter."""
@@ -263,12 +274,10 @@ class Yardstick:
                 if equations.zeros and fold.third is None:
                     zeros = self.zeros_of(model, solution.values, log, delay)
                 rows = self.rows_of(fold, log, equations.zeros or model.is_pendulum or self.of_halves)
-                sent = self.sent(log, delay)[rows]
-                left = sent - self.predicted(model, solution.values, log, zeros)[rows]
-                squares, whole = (model.trusted_alone((each**2).sum(axis=0)) for each in (left, sent))
-                if model.passive.any():
-                    terms = self._terms(model, solution.values[: model.nbody], log)[rows].sum(axis=0)
-                    whole = np.where(model.passive, terms, whole)
+                sent = self.sent(log, delay)
+                left = (sent - self.predicted(model, solution.values, log, zeros))[rows]
+                squares = model.trusted_alone((left**2).sum(axis=0))
+                whole = self.whole(model, solution.values[: model.nbody], log, sent)[rows].sum(axis=0)
                 parts.append(Part(number, log, len(fold.logs), rows, squares, whole, solution.values, zeros))
         return _Predicted(tuple(parts), n, bool(model.untrusted.any()))
 

@@ -68,6 +68,12 @@ def add_energy_slopes(timestep, stiffness, work):  # type: ignore[no-untyped-def
 def carry(timestep, is_continuous, spread, work):  # type: ignore[no-untyped-def]
     """Moves the `step` of a filter, and how far it is `pushed` by forces that are held, on by the linearised step of
     Eq. 23.
+
+    Args:
+        timestep: in s.
+        is_continuous: whether the plant moves continuously.
+        spread: of the filter.
+        work: see `workspace.Workspace`.
     """
     solved, pushed, n = work.solved, spread.pushed, work.angle.shape[0]
     moved = (0.5 if is_continuous else 1.0) * timestep * timestep

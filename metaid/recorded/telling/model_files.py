@@ -162,7 +162,8 @@ def file_error(path: Path, name: str, found: RecordedEstimate, logs: Sequence[Sm
         sent = yardstick.sent(log, found.delay)
         left = (sent - own.filtered(predicted.torques))[own.judged]
         squares = squares + found.model.trusted_alone((left**2).sum(axis=0))
-        whole = whole + found.model.trusted_alone((sent[own.judged] ** 2).sum(axis=0))
+        bodies = found.values[: found.model.nbody]
+        whole = whole + yardstick.whole(found.model, bodies, log, sent)[own.judged].sum(axis=0)
         rows += len(left)
     relative = float(np.sqrt(squares.sum() / max(whole.sum(), 1e-300)))
     by_joint = np.sqrt(squares / np.maximum(whole, 1e-300))
