@@ -1,6 +1,6 @@
 """A Quanser QUBE, a rotary pendulum with one motor: from one swing-up to the other, angles after 0.3 s of simulation.
 
-The log has the voltage of the motor, and of the pendulum's joint nothing, for there is no motor. km/Rm times the voltage
+The log has the voltage of the motor, and nothing of the pendulum's joint, which has none. km/Rm times the voltage
 stands for the torque; what the motor's speed takes off is friction. The makers' model is that of the repository. Its
 arm turns the other way than the log's. The third log is left out: the pendulum's encoder loses counts, and its zero
 moves between 0.7 and 1.3 rad.
