@@ -14,6 +14,7 @@ from threadpoolctl import threadpool_limits
 from metaid.errors import RecordError, unknown
 from metaid.exporting import IdentifiedModel
 from metaid.files import shipped_logs
+from metaid.models import Array
 from metaid.plant import load_plant
 from metaid.recorded.absolute import Absolute, absolute_of
 from metaid.recorded.choosing import Choices, usual_still
@@ -121,6 +122,7 @@ def estimate(
     columns: Mapping[str, str] | None = None,
     topic: str | None = None,
     untrusted: Sequence[str] = (),
+    reversed: Sequence[str] = (),
     absolute: Sequence[str] = (),
 ) -> RecordedResult:
     """What logs say of a robot: its `verdict` with the frame of `lumps`, its `summary`, and its `model` to write.
@@ -147,6 +149,7 @@ def estimate(
         columns: what columns of the logs mean that are not understood: `{"encoder a": "angle_1"}`.
         topic: of joint states in bags that have several.
         untrusted: joints that move, but whose torques are not used.
+        reversed: joints whose angles, speeds and torques count the other way.
         absolute: joints whose angles are of the link against the base; `elbow:motor` where its torque is, too.
 
     Raises:
@@ -174,6 +177,7 @@ def estimate(
     _refuse_beside(measured, {"law": law is not None, "payload": bool(payloads), "untrusted": bool(untrusted)})
     factors = _by_joint("scale", scale or {}, model, 1.0)
     offsets = _by_joint("zero", zero or {}, model, 0.0)
+    signs = np.where(_by_joint("reversed", dict.fromkeys(reversed, 1.0), model, 0.0) > 0.0, -1.0, 1.0)
 
     intake = Intake(model.joints, model.slides, columns or {}, topic, model.untrusted, law is None)
 
@@ -186,10 +190,7 @@ def estimate(
                     f"law {law} is of {compensated.njoint} joints (allowed: {plant.njoint}, as {plant.name} has)"
                 )
             found = tuple(_compensated(record, compensated) for record in found)
-        return tuple(
-            measured.record(replace(record, angles=record.angles + offsets, torques=record.torques * factors))
-            for record in found
-        )
+        return tuple(measured.record(_as_meant(record, offsets, factors, signs)) for record in found)
 
     held_out = _with_shipped(validate)
     records, others = read(many, 1), read(held_out, len(many) + 1)
@@ -206,6 +207,15 @@ def estimate(
             (own, other.name, _validated(found, own)) for other in others if (own := _smoothed(found, other))
         )
     return RecordedResult(plant.name, records, found, verdict, facts, validation, plant.repairs)
+
+
+def _as_meant(record: Record, offsets: Array, factors: Array, signs: Array) -> Record:
+    """A log with `offsets` that are added to its angles (njoint), `factors` of its torques and `signs` of all three
+    kinds (njoint each).
+    """
+    speeds = None if record.speeds is None else record.speeds * signs
+    angles, torques = (record.angles + offsets) * signs, record.torques * factors * signs
+    return replace(record, angles=angles, speeds=speeds, torques=torques)
 
 
 def _refuse_beside(measured: Absolute, given: Mapping[str, bool]) -> None:

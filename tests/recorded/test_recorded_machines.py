@@ -229,9 +229,18 @@ def quarter(record: Record) -> Record:
     return replace(record, angles=record.angles - np.array([0.0, 0.5 * np.pi, 0.0]))
 
 
+def other_way(record: Record) -> Record:
+    return replace(turned(record), angles=record.angles * np.array([1.0, -1.0, 1.0]))
+
+
 @pytest.mark.parametrize(
     ("spoil", "option"),
-    [(turned, "--scale {}=-1"), (in_milli, "--scale {}=0.001"), (quarter, "--zero {}=1.5708")],
+    [
+        (turned, "--scale {}=-1"),
+        (in_milli, "--scale {}=0.001"),
+        (quarter, "--zero {}=1.5708"),
+        (other_way, "--reversed {}"),
+    ],
 )
 def test_fact_that_is_wrong_is_named_with_what_mends_it(spoil: Callable[[Record], Record], option: str) -> None:
     """Of the second joint, first of all that is named."""

@@ -137,10 +137,11 @@ def test_double_pendulum_with_one_motor_is_identified(driven: int) -> None:
 
 
 def test_rotary_pendulum_needs_no_column_for_a_motor_that_it_has_not(tmp_path: Path) -> None:
-    """And the log says so: gravity acts in the joint without one alone."""
+    """And the log says so, though its encoder counts the other way. Gravity acts in the joint without one alone."""
     (tmp_path / "rotary.xml").write_text(ROTARY_FILE)
     logs = [moved(rotary_pendulum, np.pi, (0.003, 0.0), seed, 2.0).drop(columns="torque_2") for seed in (0, 1)]
-    found = metaid.estimate(logs, tmp_path / "rotary.xml")
+    logs = [log.assign(angle_2=-log["angle_2"]) for log in logs]
+    found = metaid.estimate(logs, tmp_path / "rotary.xml", reversed=["pendulum"])
     true = {"m2z": ROTARY["mass"] * ROTARY["com"], "xx2": ROTARY["inertia"]}
     true["zz1"] = ROTARY["arm"] + ROTARY["mass"] * ROTARY["length"] ** 2
     assert found.verdict.word != "not found"
@@ -154,6 +155,14 @@ def test_motor_whose_torque_was_not_logged_is_no_joint_without_one() -> None:
     log = moved(double_pendulum, 0.0, (0.1, 0.1), 0).assign(torque_2=0.0)
     found = metaid.estimate(log, BELIEVED, zero={"1": np.pi})
     assert any("--untrusted 2 " in reason for reason in found.verdict.reasons)
+
+
+def test_rotary_pendulum_whose_encoder_counts_the_other_way_is_named(tmp_path: Path) -> None:
+    """With the option that mends it."""
+    (tmp_path / "rotary.xml").write_text(ROTARY_FILE)
+    log = moved(rotary_pendulum, np.pi, (0.003, 0.0), 0, 2.0)
+    found = metaid.estimate(log.assign(angle_2=-log["angle_2"]), tmp_path / "rotary.xml")
+    assert any("joint pendulum counts the other way: --reversed pendulum" in each for each in found.verdict.reasons)
 
 
 @pytest.mark.parametrize("nlink", [1, 2])

@@ -1,7 +1,7 @@
 """What a log may have wrong, and the equations that it would make: conventions that people have.
 
-Torques with a turned sign, an encoder whose zero is off by a quarter turn, angles that are read against the base,
-motors that turn with two joints and nobody said so, a base that hangs or leans.
+Torques with a turned sign, an encoder whose zero is off by a quarter turn, joints that count the other way, angles
+that are read against the base, motors that turn with two joints and nobody said so, a base that hangs or leans.
 """
 
 from __future__ import annotations
@@ -82,6 +82,21 @@ class Check:
             parts.append(Part(part.log, part.record, replace(part.windows, coordinates=moved), part.smoothed))
         return self._with(parts)
 
+    def with_reversed(self, joint: int) -> Check:
+        """The same with what was logged of a joint counted the other way."""
+        own, signs = self.measured, 1.0 - 2.0 * np.eye(self.equations.model.njoint)[joint]
+        parts = []
+        for part in self.equations.parts:
+            before = part.windows
+            coordinates, speeds, accelerations = (
+                own.of_joints(own.logged(each) * signs)
+                for each in (before.coordinates, before.speeds, before.accelerations)
+            )
+            windows = replace(before, coordinates=coordinates, speeds=speeds, accelerations=accelerations)
+            torques = own.torques_of_joints(own.logged_torques(part.record.torques) * signs)
+            parts.append(Part(part.log, part.record.with_torques(torques), windows, part.smoothed))
+        return self._with(parts)
+
     def with_measured(self, other: Absolute) -> Check:
         """The same of logs that measure the robot in an `other` way, motors that stand on the base with no friction of
         their own: more unknowns would speak for them.
@@ -140,13 +155,17 @@ def suspected(check: Check) -> Iterator[Suspected]:
     model = check.equations.model
     n, names = model.njoint, model.joints
     one = np.eye(n)
-    for joint in np.flatnonzero(~(model.untrusted | model.passive)).tolist():
+    driven = np.flatnonzero(~(model.untrusted | model.passive)).tolist()
+    for joint in driven:
         text = f"the torque of joint {names[joint]} has the opposite sign"
         yield Suspected(text, f"--scale {names[joint]}=-1", check.with_torques(1.0 - 2.0 * one[joint]))
-    if n > 1:
+    if len(driven) > 1:
         text = "the torques of all joints have the opposite sign"
         yield Suspected(text, SIGNS, check.with_torques(-np.ones(n)))
     moving = np.flatnonzero(~check.equations.held)
+    for joint in moving[int(model.is_pendulum) :].tolist() if n > 1 else ():  # a pendulum's mirror image moves alike
+        text = f"joint {names[joint]} counts the other way"
+        yield Suspected(text, f"--reversed {names[joint]}", check.with_reversed(joint))
     for joint in range(moving.max(initial=-1) + 1):  # beyond the last that moves all is one body
         for shift in QUARTERS if not model.slides[joint] else ():
             text = f"the zero of joint {names[joint]} is off by {np.degrees(shift):.0f}°"
