@@ -338,6 +338,18 @@ def test_files_with_some_kinds_of_readings_each_are_one_log(tmp_path: Path) -> N
         every_run(intake(), [angles, torques.drop(columns="time")[:799]])
 
 
+def test_joint_without_an_end_may_turn_many_times() -> None:
+    """As fast as machines do: what is faster is in degrees."""
+    log = clean().drop(columns=["speed_1", "speed_2"])
+    spun = log.assign(angle_1=log["angle_1"] + 20.0 * log["time"])
+    endless = np.array([True, False])
+    np.testing.assert_allclose(read(spun, endless=endless).angles[:, 0], spun["angle_1"])
+    with pytest.raises(RecordError, match="looks like degrees"):
+        read(spun, endless=~endless)
+    with pytest.raises(RecordError, match="looks like degrees"):
+        read(log.assign(angle_1=np.rad2deg(log["angle_1"])), endless=endless)
+
+
 def test_column_that_says_radians_may_turn_many_times() -> None:
     """As that of a motor; one that says no unit may not."""
     log = clean().assign(angle_1=lambda frame: 60.0 * frame["angle_1"], speed_1=lambda frame: 60.0 * frame["speed_1"])

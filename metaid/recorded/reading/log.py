@@ -83,6 +83,7 @@ class Intake:
         columns: what columns mean that are not spelled as they are understood: `time`, `angle_1`, `torque_elbow`, ….
         topic: of a bag that has several.
         untrusted: which joints (njoint) move, but their torques are not used; None: none of them.
+        endless: which joints (njoint) turn without an end; None: none of them.
         needs_torques: whether the torques must be in it; where not, and they are missing, they are 0.
     """
 
@@ -91,6 +92,7 @@ class Intake:
     columns: Mapping[str, str] = field(default_factory=dict)
     topic: str | None = None
     untrusted: NDArray[np.bool_] | None = None
+    endless: NDArray[np.bool_] | None = None
     needs_torques: bool = True
 
     def read(self, log: str | Path | pd.DataFrame, number: int = 1) -> tuple[Record, ...]:
@@ -168,7 +170,8 @@ class Intake:
         runs = [rested(run) for run in timed]
         moving = [run for run in runs if (np.ptp(run.angles, axis=0) > 0.0).any()] or runs
         for run in moving:
-            refuse_implausible(run, self.slides, self.needs_torques)
+            endless = np.zeros_like(self.slides) if self.endless is None else self.endless
+            refuse_implausible(run, self.slides, endless, self.needs_torques)
         still = len(runs) - len(moving)
         if still:
             moving[0] = moving[0].repaired("rest", still, f"{counted(still, 'run')} in which no joint moves left out")

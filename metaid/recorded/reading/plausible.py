@@ -13,6 +13,7 @@ from metaid.recorded.reading.readings import Readings, noise_of
 
 LEAST_ROWS = 100
 MANY_TURNS = 25.0  # rad: a hinge that is said to be farther from 0 is probably logged in degrees
+SPINNING = 60.0  # rad/s: but one that turns without an end, slower than this, may have turned so far
 CALM = 0.05  # of a joint's fastest speed: below it the ratio of two speeds says nothing
 ABOVE_NOISE = 5.0  # standard deviations
 FAR_FROM_ONE = 1.5  # between a speed and the change of its angle
@@ -27,16 +28,19 @@ def refuse_few_rows(readings: Readings) -> None:
         raise RecordError(f"{readings.name}: {len(readings)} rows{''.join(repeated)} (allowed: {LEAST_ROWS} or more)")
 
 
-def refuse_implausible(readings: Readings, slides: NDArray[np.bool_], needs_torques: bool) -> None:
+def refuse_implausible(
+    readings: Readings, slides: NDArray[np.bool_], endless: NDArray[np.bool_], needs_torques: bool
+) -> None:
     """Raises RecordError where angles are in degrees, speeds are not how angles change, torques are all 0, or nothing
     moves.
 
     Args:
         readings: a log, repaired.
         slides: which joints (njoint) are slides.
+        endless: which joints (njoint) turn without an end.
         needs_torques: whether the torques must be in it.
     """
-    _refuse_degrees(readings, slides)
+    _refuse_degrees(readings, slides, endless)
     if readings.speeds is not None:
         _refuse_other_speeds(readings, readings.speeds)
     if needs_torques and (readings.torques is None or not readings.torques.any()):
@@ -45,9 +49,12 @@ def refuse_implausible(readings: Readings, slides: NDArray[np.bool_], needs_torq
         raise RecordError(f"{readings.name}: no joint moves")
 
 
-def _refuse_degrees(readings: Readings, slides: NDArray[np.bool_]) -> None:
+def _refuse_degrees(readings: Readings, slides: NDArray[np.bool_], endless: NDArray[np.bool_]) -> None:
     is_said = np.array([RADIANS.search(name) is not None for name in readings.names["angle"]])
-    widest = np.where(slides | is_said, 0.0, np.abs(readings.angles).max(axis=0))
+    stride = max(1, round(0.05 / readings.period))
+    moved = np.abs(readings.angles[stride:] - readings.angles[:-stride]).max(axis=0, initial=0.0)
+    may_be = endless & (moved < SPINNING * stride * readings.period)
+    widest = np.where(slides | is_said | may_be, 0.0, np.abs(readings.angles).max(axis=0))
     joint = int(widest.argmax())
     if widest[joint] > MANY_TURNS:
         raise RecordError(
