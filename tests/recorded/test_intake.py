@@ -98,6 +98,28 @@ def test_columns_are_understood_as_people_spell_them(how: str) -> None:
     assert kinds(record) == ["columns"]
 
 
+def test_rows_that_have_readings_of_one_topic_each_are_one_log() -> None:
+    """As exported of several topics: a torque holds until the next."""
+    log, torques = clean(), ["torque_1", "torque_2"]
+    later = log.iloc[::4].assign(time=log["time"].iloc[::4] + 0.001)
+    sent = later[["time", *torques]].reset_index(drop=True)
+    sparse = pd.concat([log.drop(columns=torques), sent]).sort_values("time", kind="stable")
+    others = pd.DataFrame({"time": log["time"] + 0.002, "battery": 12.0})
+    record = read(pd.concat([sparse, others]).sort_values("time", kind="stable"))
+    np.testing.assert_array_equal(record.angles, log[["angle_1", "angle_2"]].iloc[1:])
+    rows = (np.arange(1, len(log)) - 1) // 4
+    np.testing.assert_array_equal(record.torques, sent[torques].to_numpy()[rows])
+    assert kinds(record) == ["topics", "no number"]
+
+
+def test_column_that_the_user_names_goes_before_one_that_is_understood() -> None:
+    """As a command beside efforts that a driver leaves at 0; the other joint keeps its own."""
+    log = clean().rename(columns=lambda name: name.replace("_1", "_elbow").replace("_2", "_hand"))
+    log = log.assign(command=log["torque_elbow"], torque_elbow=0.0)
+    record = read(log, joints=("elbow", "hand"), columns={"command": "torque_1"})
+    np.testing.assert_array_equal(record.torques, clean()[["torque_1", "torque_2"]])
+
+
 def test_words_of_a_log_stand_for_joints_that_have_but_numbers() -> None:
     """In the order of the columns; where these are not of all joints, no word stands for any."""
     log = clean().rename(columns=lambda name: name.replace("_1", "_shoulder").replace("_2", "_elbow"))

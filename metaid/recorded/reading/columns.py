@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from metaid.errors import RecordError, unknown
 from metaid.recorded.reading.formats import Table
@@ -59,13 +59,16 @@ class Understood:
 
 @dataclass(frozen=True)
 class _Meant:
-    """What a column's name means: a kind, a joint from 0 on or a number, and whether it is only what was wished."""
+    """What a column's name means: a kind, a joint from 0 on or a number, whether it is only what was wished, and
+    whether the user has said so.
+    """
 
     column: str
     kind: str
     joint: int | None
     number: int | None
     is_wished: bool
+    is_said: bool = False
 
 
 def understood(table: Table, joints: Sequence[str], mapping: Mapping[str, str]) -> Understood:
@@ -81,7 +84,11 @@ def understood(table: Table, joints: Sequence[str], mapping: Mapping[str, str]) 
     """
     names = _renamed(table, joints, mapping)
     called = _called(names.values(), joints)
-    meant = [each for column, name in names.items() if (each := _meaning(column, name, called))]
+    meant = [
+        replace(each, is_said=name != column)
+        for column, name in names.items()
+        if (each := _meaning(column, name, called))
+    ]
     kinds, base = {}, None
     for kind in KINDS:
         kinds[kind], own = _of_kind(table, kind, meant, called)
@@ -188,28 +195,34 @@ def _of_kind(
     """
     njoint = len(joints)
     for is_wished in (False, True) if kind in ("torque", "current") else (False,):
-        own = [each for each in meant if each.kind == kind and each.is_wished == is_wished]
+        every = [each for each in meant if each.kind == kind and (each.is_wished == is_wished or each.is_said)]
+        own = [each for each in every if not each.is_said]
+        said = {
+            (each.number or 0) - 1 if each.joint is None else each.joint: each.column for each in every if each.is_said
+        }
         named = {each.joint: each.column for each in reversed(own) if each.joint is not None}
         numbered = {each.number: each.column for each in reversed(own) if each.number is not None}
         base = 0 if 0 in numbered else 1
         by_number = {number - base: column for number, column in numbered.items() if number is not None}
         found = named if len(named) >= len({*by_number} & {*range(njoint)}) and named else by_number
+        found_by_number = found is by_number and bool(by_number)
+        found = found | said
         if not found:
             continue
-        if found is by_number and max(by_number) >= njoint:
+        if found_by_number and max(by_number) >= njoint:
             column = by_number[max(by_number)]
             first, last, by_name = (_of_joint(column, each) for each in (base, base + njoint - 1, joints[0]))
             by_name = "" if joints[0].isdigit() else f", or named as {by_name}"
             raise RecordError(f"{table.name}: column '{column}' is of no joint (allowed: {first} to {last}{by_name})")
         missing = [joint for joint in range(njoint) if joint not in found]
         if missing and kind in ("angle", "speed"):
-            own_name = joints[missing[0]] if found is named else str(missing[0] + 1)
+            own_name = str(missing[0] + 1) if found_by_number else joints[missing[0]]
             example = next(iter(found.values()))
             raise RecordError(
                 f"{table.name}: no column '{kind}_{own_name}' beside '{example}' "
                 f"(allowed: of all {njoint} joints, or --joints those that it has)"
             )
-        return tuple(found.get(joint, "") for joint in range(njoint)), base if found is by_number else None
+        return tuple(found.get(joint, "") for joint in range(njoint)), base if found_by_number else None
     return (), None
 
 

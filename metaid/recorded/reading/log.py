@@ -160,7 +160,7 @@ class Intake:
 
     def _runs(self, readings: Readings) -> list[Readings]:
         """The runs of a log, repaired, in the order of time, and plausible."""
-        readings = in_order(_without_holes(readings))
+        readings = in_order(_without_holes(_at_angles(readings)))
         refuse_few_rows(readings)
         readings = replace(readings, times=readings.times - readings.times[0])
         readings = without_repeats(unwrapped(tamed(readings), self.slides))
@@ -197,6 +197,24 @@ def _numbers(frame: pd.DataFrame, names: Sequence[str]) -> Array:
     numbers = np.column_stack([column.to_numpy(dtype=np.float64, na_value=np.nan) for column in columns])
     numbers[~np.isfinite(numbers)] = np.nan
     return numbers
+
+
+def _at_angles(readings: Readings) -> Readings:
+    """A log most of whose rows have readings of one topic alone, at the times of the angles: a torque holds until the
+    next, speeds are straight between two. Any other as it is.
+    """
+    kinds = [read for read in (readings.angles, readings.speeds, readings.torques) if read is not None]
+    if np.isnan(np.concatenate(kinds, axis=1)).any(axis=1).mean() <= FEW_LEFT:
+        return readings
+    readings = readings.rows(np.argsort(readings.times, kind="stable"))
+    at_once = np.asarray(np.isfinite(readings.angles).all(axis=1))
+    if readings.torques is not None:
+        readings = replace(readings, torques=pd.DataFrame(readings.torques).ffill().to_numpy())
+    if readings.speeds is not None:
+        by_time = pd.DataFrame(readings.speeds, index=readings.times)
+        readings = replace(readings, speeds=by_time.interpolate("index", limit_area="inside").to_numpy())
+    text = f"{counted(int((~at_once).sum()), 'row')} without an angle: torques hold until the next"
+    return readings.rows(at_once).repaired("topics", int((~at_once).sum()), text)
 
 
 def _without_holes(readings: Readings) -> Readings:
