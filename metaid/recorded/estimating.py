@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from metaid.errors import RecordError, first_of
 from metaid.models import Array
@@ -132,7 +131,7 @@ def estimate_records(
     if not all(own.judged.any() for own in logs):
         still = next(record for record, own in zip(records, logs, strict=True) if not own.judged.any())
         raise RecordError(f"{still.name}: too short, or no joint moves (allowed: some seconds of motion)")
-    model = model.with_still(usual_still(logs)).with_passive(_idle(records) & ~model.untrusted)
+    model = _with_idle(model.with_still(usual_still(logs)), records, logs)
     plain = _plain(records, logs, model)
     scale = 1.0 if plain is None or gains else torque_scale(plain)
     logs = with_cutoff(records, logs, model, model.is_pendulum and choices.zeros is not False, scale)
@@ -178,10 +177,14 @@ def estimate_records(
     )
 
 
-def _idle(records: Sequence[Record]) -> NDArray[np.bool_]:
-    """Which joints (njoint) have no torque in any log, where others have."""
+def _with_idle(model: LinearModel, records: Sequence[Record], logs: Sequence[Smoothed]) -> LinearModel:
+    """The same with joints that have no torque in any log, where others have: one that moves has no motor, and of one
+    that is held nothing is known.
+    """
     idle = ~np.any([record.torques.any(axis=0) for record in records], axis=0)
-    return np.asarray(idle & ~idle.all())
+    idle &= ~(model.untrusted | idle.all())
+    held = model.held(np.max([np.ptp(own.coordinates, axis=0) for own in logs], axis=0))
+    return model.with_untrusted(model.untrusted | (idle & held)).with_passive(idle & ~held)
 
 
 def equations_like(found: RecordedEstimate, record: Record) -> Equations:

@@ -221,8 +221,8 @@ class Equations:
         least = np.full(len(usual), (LEAST * largest) ** 2)
         if self.model.passive.any():
             terms = self._terms(rows, self.scale * self.model.nominal)
-            usual = np.where(self.model.passive, PASSIVE**2 * terms, usual)
-            least = np.where(self.model.passive, LEAST_PASSIVE**2 * terms, least)
+            usual = np.where(self.model.passive, np.maximum(PASSIVE**2 * terms, usual), usual)
+            least = np.where(self.model.passive, np.maximum(LEAST_PASSIVE**2 * terms, least), least)
         return usual, least
 
     def _terms(self, rows: list[Array], bodies: Array) -> Array:
