@@ -71,6 +71,7 @@ SPELLED: dict[str, tuple[dict[str, str], list[str]]] = {
         | {"torque_": "/joint_states/{}/effort"},
         ["shoulder_joint", "elbow_joint"],
     ),
+    "cart": ({"time": "t", "angle_": "pos_", "speed_": "vel_", "torque_": "force_"}, ["cart", "pole"]),
     "ROS": ({"time": "stamp", "angle_": "position_", "speed_": "velocity_", "torque_": "effort_"}, ["elbow", "hand"]),
 }
 
@@ -96,6 +97,14 @@ def test_columns_are_understood_as_people_spell_them(how: str) -> None:
     for name in ("times", "angles", "speeds", "torques"):
         np.testing.assert_allclose(getattr(record, name), getattr(usual, name), atol=1e-12)
     assert kinds(record) == ["columns"]
+
+
+@pytest.mark.parametrize("what", ["current", "voltage"])
+def test_what_a_motor_is_sent_stands_for_its_torque(what: str) -> None:
+    """Where there is no torque, and that is said."""
+    record = read(clean().rename(columns=lambda name: name.replace("torque", what)))
+    np.testing.assert_array_equal(record.torques, clean()[["torque_1", "torque_2"]])
+    assert any(repair.text.startswith(f"motor {what}s stand for torques: ") for repair in record.repairs)
 
 
 def test_rows_that_have_readings_of_one_topic_each_are_one_log() -> None:

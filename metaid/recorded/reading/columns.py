@@ -20,8 +20,8 @@ KINDS = ("angle", "speed", "torque")
 WORDS = {
     "angle": ("angle", "angles", "position", "positions", "pos", "q", "theta", "phi", "qpos"),
     "speed": ("speed", "speeds", "velocity", "velocities", "vel", "v", "dq", "qd", "qdot", "dtheta", "omega", "qvel"),
-    "torque": ("torque", "torques", "effort", "efforts", "eff", "tau", "trq", "moment"),
-    "current": ("current", "currents", "cur", "curr"),
+    "torque": ("torque", "torques", "effort", "efforts", "eff", "tau", "trq", "moment", "force", "forces"),
+    "current": ("current", "currents", "cur", "curr", "voltage", "voltages"),
 }
 KIND_OF = {word: kind for kind, words in WORDS.items() for word in words}
 OTHERS = {"acc", "acceleration", "accelerations", "ddq", "qdd", "temperature", "temp", "error", "err", "dot"}
@@ -100,7 +100,9 @@ def understood(table: Table, joints: Sequence[str], mapping: Mapping[str, str]) 
     found = Understood(times, unit, kinds, ())
     notes = _notes(table, found, names, joints, base)
     if is_current and kinds["torque"]:
-        text = "motor currents stand for torques: every number is in their unit, until --scale says N m in one of it"
+        said = sorted({each for column in kinds["torque"] for each in tokens_of(column) if each in WORDS["current"]})
+        what = "voltages" if said and all(each.startswith("volt") for each in said) else "currents"
+        text = f"motor {what} stand for torques: every number is in their unit, until --scale says N m in one of it"
         notes += (Repair("currents", len(kinds["torque"]), text),)
     idle = [joint for joint, column in zip(joints, kinds["torque"], strict=False) if not column]
     if idle:
