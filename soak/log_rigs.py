@@ -41,7 +41,7 @@ FAULTS = (
     "angles late",
     "wrong kinematics",
 )
-REFUSED = ("NaN", "time goes back", "degrees", "torques of a joint missing")  # the files are no logs
+BROKEN = ("degrees", "torques of a joint missing", "torques of a joint are 0")  # no such log is of its rig
 
 
 @dataclass(frozen=True)

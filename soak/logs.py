@@ -30,7 +30,7 @@ from metaid.models import DEVIATIONS
 from metaid.plant import MujocoPlant
 from metaid.recorded import RecordedResult, estimate
 from soak.common import SoakResult, soaked
-from soak.log_rigs import REFUSED, SEED, Case, Rig, draw, log_of, rig_of
+from soak.log_rigs import BROKEN, SEED, Case, Rig, draw, log_of, rig_of
 
 LOGS = 100
 HALF_WIDTHS, SLACK = 3.0, 1e-3  # further from the truth than so many half-widths and this share of it is far
@@ -101,7 +101,7 @@ def try_case(number: int) -> Judged:
 
 
 def run(scale: float) -> list[SoakResult]:
-    """Three promises: no confident error, what is well posed is found, and what is no log is refused."""
+    """Three promises: no confident error, what is well posed is found, and nothing is found in logs of no rig."""
     promised = round(LOGS * scale)
     judged: list[Judged] = []
 
@@ -122,14 +122,14 @@ def run(scale: float) -> list[SoakResult]:
         missed = [f"{_about(each)}: {each.verdict}, {each.reasons}" for each in posed if each.verdict not in has_model]
         return len(posed), missed if len(missed) > (1.0 - WELL_POSED_FOUND) * len(posed) else []
 
-    def refused() -> tuple[int, list[str]]:
-        broken = [each for each in judged if each.case.fault in REFUSED and each.case.plant != "1"]
+    def broken_logs() -> tuple[int, list[str]]:
+        broken = [each for each in judged if each.case.fault in BROKEN and each.case.plant != "1"]
         return len(broken), [f"{_about(each)}: {each.verdict}" for each in broken if each.verdict == "found"]
 
     return [
         soaked("logs of rigs at random: none found while an unknown is far off", promised, confident),
         soaked(f"of those, without a fault: {WELL_POSED_FOUND:.0%} found", 0, well_posed),
-        soaked("of those, broken: none found", 0, refused),
+        soaked("of those, broken: none found", 0, broken_logs),
     ]
 
 

@@ -381,6 +381,15 @@ def test_joint_without_an_end_may_turn_many_times() -> None:
         read(log.assign(angle_1=np.rad2deg(log["angle_1"])), endless=endless)
 
 
+@pytest.mark.parametrize("size", [0.01, 0.028, 0.1])
+def test_speeds_of_a_joint_that_hardly_moves_beyond_its_noise_are_taken(size: float) -> None:
+    """The few changes that are larger than its noise are those that it has made larger."""
+    random, log = np.random.default_rng(0), clean()
+    angles = size * np.sin(3.1 * log["time"]) + 1e-3 * random.standard_normal(len(log))
+    record = read(log.assign(angle_1=angles, speed_1=3.1 * size * np.cos(3.1 * log["time"])))
+    assert record.speeds is not None
+
+
 def test_column_that_says_radians_may_turn_many_times() -> None:
     """As that of a motor; one that says no unit may not."""
     log = clean().assign(angle_1=lambda frame: 60.0 * frame["angle_1"], speed_1=lambda frame: 60.0 * frame["speed_1"])

@@ -73,8 +73,10 @@ def _refuse_other_speeds(readings: Readings, speeds: Array) -> None:
     mean = np.cumsum(0.5 * (speeds[1:] + speeds[:-1]) * np.diff(times)[:, None], axis=0)
     said, seen = mean[stride::stride] - mean[:-stride:stride], angles[1:][stride::stride] - angles[1:][:-stride:stride]
     for joint in range(angles.shape[1]):
-        moving = np.abs(seen[:, joint]) > max(CALM * np.abs(seen[:, joint]).max(), ABOVE_NOISE * noise[joint])
-        if not moving.any() or not seen[moving, joint].any():
+        size, least = np.abs(seen[:, joint]), ABOVE_NOISE * noise[joint]
+        moving = size > max(CALM * size.max(), least)
+        # where few changes are beyond the noise, these are those that the noise has made larger
+        if not moving.any() or not seen[moving, joint].any() or np.quantile(size, 0.95) < 2.0 * least:
             continue
         ratio = float(np.median(said[moving, joint] / seen[moving, joint]))
         if not 1.0 / FAR_FROM_ONE < ratio < FAR_FROM_ONE:

@@ -127,6 +127,12 @@ def _against(records: Sequence[Record], found: RecordedEstimate, is_known: bool)
             f"worst in joint {model.joints[worst]} (allowed: {LARGEST_ERROR:.0%}): {advice}"
         )
         return
+    driven = np.flatnonzero(model.passive & (_moving(found) > LARGEST_ERROR))
+    for joint in driven.tolist():
+        yield (
+            f"joint {model.joints[joint]} does not move as one without a motor: {held.by_joint[joint]:.0%} of the "
+            f"terms that cancel in it are left (allowed: {LARGEST_ERROR:.0%})"
+        )
     if held.relative > WORSE * nominal.relative and held.relative > WELL and found.misfit > EXPLAINED:
         yield (
             f"{what} that were left out are predicted to {held.relative:.1%}, no better than by the nominal bodies "
