@@ -169,6 +169,6 @@ def _follow_arm(arm, start, timestep, driven, seen, angles, speeds, torques):  #
             break
         for i in range(n):
             held[0, i] = torques[step - delay, i] if step >= delay else 0.0
-        if not flow(0, held, balance, None, timestep, work):
+        if not flow(0, held, balance, None, None, timestep, True, work):
             return step
     return steps

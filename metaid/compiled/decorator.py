@@ -7,8 +7,8 @@ them nothing can be allocated.
 They are cached on disk, in a folder named by a digest of all that the machine code was made from. Functions become a
 part of their callers, and constants a part of the code. But numba's own cache looks at the source file of the outermost
 function only, so after a change elsewhere it would run the old code. The digest is of all sources of this package and
-its `spatial`, of `metaid.models` and of the function's own package, with those that it is in, and of the versions of
-numba, llvmlite and MuJoCo.
+its `spatial`, of `metaid.models` and of the function's own package, with those that it is in, of a function outside
+metaid of all of metaid, and of the versions of numba, llvmlite and MuJoCo.
 """
 
 from __future__ import annotations
@@ -124,6 +124,8 @@ def digest(package: Path) -> str:
     found = hashlib.blake2b(digest_size=10)
     found.update(repr((numba.__version__, llvmlite.__version__, mujoco.__version__)).encode())
     packages = [folder for folder in (package, *package.parents) if _OWN.parent in folder.parents]
+    if not packages:
+        packages = sorted({path.parent for path in _OWN.parent.rglob("*.py")})
     for folder in dict.fromkeys((*_INLINED, package, *packages)):
         for path in sorted(folder.glob("*.py")):
             source = path.read_bytes()
