@@ -41,6 +41,7 @@ FAULTS = (
     "angles late",
     "wrong kinematics",
 )
+MENDED = {"NaN": "no number", "time goes back": "order"}  # and the repair that says so
 BROKEN = ("degrees", "torques of a joint missing", "torques of a joint are 0")  # no such log is of its rig
 
 

@@ -30,7 +30,7 @@ from metaid.models import DEVIATIONS
 from metaid.plant import MujocoPlant
 from metaid.recorded import RecordedResult, estimate
 from soak.common import SoakResult, soaked
-from soak.log_rigs import BROKEN, SEED, Case, Rig, draw, log_of, rig_of
+from soak.log_rigs import BROKEN, MENDED, SEED, Case, Rig, draw, log_of, rig_of
 
 LOGS = 100
 HALF_WIDTHS, SLACK = 3.0, 1e-3  # further from the truth than so many half-widths and this share of it is far
@@ -48,6 +48,7 @@ class Judged:
     far: tuple[str, ...] = ()
     known: int = 0
     unknowns: int = 0
+    repairs: tuple[str, ...] = ()
 
 
 def true_values(found: RecordedResult, rig: Rig) -> dict[str, float]:
@@ -97,11 +98,12 @@ def try_case(number: int) -> Judged:
         far_off(found, rig) if found.verdict.word == "found" or case.well_posed else (),
         int(table["determined"].sum()),
         len(table),
+        tuple(repair.kind for record in found.records for repair in record.repairs),
     )
 
 
 def run(scale: float) -> list[SoakResult]:
-    """Three promises: no confident error, what is well posed is found, and nothing is found in logs of no rig."""
+    """No confident error, what is well posed is found, what is mended is said, and what is broken finds nothing."""
     promised = round(LOGS * scale)
     judged: list[Judged] = []
 
@@ -126,10 +128,15 @@ def run(scale: float) -> list[SoakResult]:
         broken = [each for each in judged if each.case.fault in BROKEN and each.case.plant != "1"]
         return len(broken), [f"{_about(each)}: {each.verdict}" for each in broken if each.verdict == "found"]
 
+    def mended() -> tuple[int, list[str]]:
+        every = [each for each in judged if each.case.fault in MENDED and each.verdict != "refused"]
+        return len(every), [_about(each) for each in every if MENDED[each.case.fault] not in each.repairs]
+
     return [
         soaked("logs of rigs at random: none found while an unknown is far off", promised, confident),
         soaked(f"of those, without a fault: {WELL_POSED_FOUND:.0%} found", 0, well_posed),
         soaked("of those, broken: none found", 0, broken_logs),
+        soaked("of those, mended: that is said", 0, mended),
     ]
 
 

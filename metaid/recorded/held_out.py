@@ -132,9 +132,14 @@ class Yardstick:
         own = self.logs[log]
         if zeros.any():
             return model.rigid(bodies, own.coordinates + zeros, own.speeds, own.accelerations)
+        return np.asarray(self._columns(model, log) @ bodies)
+
+    def _columns(self, model: LinearModel, log: int) -> Array:
+        """The torque of each body parameter at the rows of a log (nrow x njoint x nbody), without zeros, kept."""
         if log not in self._bodies:
+            own = self.logs[log]
             self._bodies[log] = model.bodies(own.coordinates, own.speeds, own.accelerations)
-        return np.asarray(self._bodies[log] @ bodies)
+        return self._bodies[log]
 
     def predicted(self, model: LinearModel, values: Array, log: int, zeros: Array) -> Array:
         """The torques of a log (nrow x njoint), through the filter.
@@ -151,8 +156,7 @@ class Yardstick:
         return own.filtered(rigid + columns @ values[model.nbody :])
 
     def whole(self, model: LinearModel, bodies: Array, log: int, sent: Array) -> Array:
-        """The squares that errors of torques are shares of (nrow x njoint): of what was sent, and in a joint without a
-        motor of the terms that cancel.
+        """What errors of the torques of a log are shares of, squared (nrow x njoint): see `LinearModel.whole`.
 
         Args:
             model: what is unknown.
@@ -160,11 +164,7 @@ class Yardstick:
             log: which of the logs.
             sent: the torques that acted (nrow x njoint).
         """
-        if not model.passive.any():
-            return model.trusted_alone(sent**2)
-        own = self.logs[log]
-        terms = model.terms_squared(model.bodies(own.coordinates, own.speeds, own.accelerations), bodies)
-        return model.trusted_alone(np.where(model.passive, terms, sent**2))
+        return model.whole(sent, bodies, lambda: self._columns(model, log))
 
     def sent(self, log: int, delay: float) -> Array:
         """The torques that acted (nrow x njoint), through the filter."""

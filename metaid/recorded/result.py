@@ -179,10 +179,7 @@ def estimate(
     offsets = _by_joint("zero", zero or {}, model, 0.0)
     signs = np.where(_by_joint("reversed", dict.fromkeys(reversed, 1.0), model, 0.0) > 0.0, -1.0, 1.0)
 
-    endless = np.ones(model.njoint, dtype=np.bool_)
-    if model.prior is not None:
-        endless = ~np.isfinite(model.prior.nominal.high - model.prior.nominal.low)
-    intake = Intake(model.joints, model.slides, columns or {}, topic, model.untrusted, endless, law is None)
+    intake = Intake(model.joints, model.slides, columns or {}, topic, model.untrusted, model.endless, law is None)
 
     def read(every: Sequence[Log], first: int) -> tuple[Record, ...]:
         found = every_run(intake, every, first)

@@ -54,11 +54,11 @@ class Check:
     def _unexplained(self, values: Array) -> Array:
         model, rows = self.equations.model, self.equations.solved[1]
         missed, whole = np.zeros(model.njoint), np.zeros(model.njoint)
-        for own, torques in zip(rows, self.equations.torques, strict=True):
+        bodies = self.equations.scale * model.nominal
+        for part, own, torques in zip(self.equations.parts, rows, self.equations.torques, strict=True):
             left = torques - own[..., : len(values)] @ values
-            terms = model.terms_squared(own, self.equations.scale * model.nominal)
             missed += model.trusted_alone((left**2).sum(axis=(0, 1)))
-            whole += model.trusted_alone(np.where(model.passive, terms, torques**2).sum(axis=(0, 1)))
+            whole += part.whole(model, bodies, torques).sum(axis=(0, 1))
         return np.asarray(np.sqrt(missed / np.maximum(whole, 1e-300)), dtype=np.float64)
 
     def with_scale(self) -> Check:
@@ -84,18 +84,9 @@ class Check:
 
     def with_reversed(self, joint: int) -> Check:
         """The same with what was logged of a joint counted the other way."""
-        own, signs = self.measured, 1.0 - 2.0 * np.eye(self.equations.model.njoint)[joint]
-        parts = []
-        for part in self.equations.parts:
-            before = part.windows
-            coordinates, speeds, accelerations = (
-                own.of_joints(own.logged(each) * signs)
-                for each in (before.coordinates, before.speeds, before.accelerations)
-            )
-            windows = replace(before, coordinates=coordinates, speeds=speeds, accelerations=accelerations)
-            torques = own.torques_of_joints(own.logged_torques(part.record.torques) * signs)
-            parts.append(Part(part.log, part.record.with_torques(torques), windows, part.smoothed))
-        return self._with(parts)
+        own, signs = self.measured, np.where(np.arange(self.equations.model.njoint) == joint, -1.0, 1.0)[:, None]
+        other = replace(own, angles=signs * own.angles, motors=signs * own.motors)
+        return replace(self.with_measured(other), measured=own)
 
     def with_measured(self, other: Absolute) -> Check:
         """The same of logs that measure the robot in an `other` way, motors that stand on the base with no friction of

@@ -20,7 +20,7 @@ from metaid.recorded.reading.clock import on_true_clock
 from metaid.recorded.reading.columns import Understood, understood
 from metaid.recorded.reading.formats import Table, tables_of
 from metaid.recorded.reading.gaps import runs_of
-from metaid.recorded.reading.merging import Pieces, lacking, merged
+from metaid.recorded.reading.merging import Pieces, lacking, merged, sampled_at
 from metaid.recorded.reading.plausible import refuse_few_rows, refuse_implausible
 from metaid.recorded.reading.readings import Readings, Repair, counted
 from metaid.recorded.reading.repairs import rested, tamed, unwrapped, without_repeats
@@ -169,8 +169,8 @@ class Intake:
             refuse_few_rows(run)
         runs = [rested(run) for run in timed]
         moving = [run for run in runs if (np.ptp(run.angles, axis=0) > 0.0).any()] or runs
+        endless = np.zeros_like(self.slides) if self.endless is None else self.endless
         for run in moving:
-            endless = np.zeros_like(self.slides) if self.endless is None else self.endless
             refuse_implausible(run, self.slides, endless, self.needs_torques)
         still = len(runs) - len(moving)
         if still:
@@ -206,15 +206,17 @@ def _at_angles(readings: Readings) -> Readings:
     kinds = [read for read in (readings.angles, readings.speeds, readings.torques) if read is not None]
     if np.isnan(np.concatenate(kinds, axis=1)).any(axis=1).mean() <= FEW_LEFT:
         return readings
-    readings = readings.rows(np.argsort(readings.times, kind="stable"))
     at_once = np.asarray(np.isfinite(readings.angles).all(axis=1))
-    if readings.torques is not None:
-        readings = replace(readings, torques=pd.DataFrame(readings.torques).ffill().to_numpy())
-    if readings.speeds is not None:
-        by_time = pd.DataFrame(readings.speeds, index=readings.times)
-        readings = replace(readings, speeds=by_time.interpolate("index", limit_area="inside").to_numpy())
-    text = f"{counted(int((~at_once).sum()), 'row')} without an angle: torques hold until the next"
-    return readings.rows(at_once).repaired("topics", int((~at_once).sum()), text)
+    kept, count = readings.rows(at_once), int((~at_once).sum())
+
+    def sampled(read: Array | None, holds: bool) -> Array | None:
+        if read is None:
+            return None
+        columns = (pd.DataFrame(column) for column in read.T)
+        return np.hstack([sampled_at(kept.times, readings.times, column, holds) for column in columns])
+
+    kept = replace(kept, speeds=sampled(readings.speeds, False), torques=sampled(readings.torques, True))
+    return kept.repaired("topics", count, f"{counted(count, 'row')} without an angle: torques hold until the next")
 
 
 def _without_holes(readings: Readings) -> Readings:

@@ -50,7 +50,7 @@ def merged(pieces: Pieces) -> tuple[Table, Understood]:
             read = frames[id(table)][[each for each in own.kinds[kind] if each]]
             others = [each for each, _ in every]
             if table in others:
-                sampled = _at(times, split[1 + others.index(table)], read, kind == "torque")
+                sampled = sampled_at(times, split[1 + others.index(table)], read, kind == "torque")
                 found |= dict(zip(read.columns, sampled.T, strict=True))
             elif len(read) == rows:
                 found |= {str(name): read[name].reset_index(drop=True) for name in read.columns}
@@ -76,8 +76,15 @@ def _times(columns: Sequence[Sequence[pd.Series]]) -> list[Array]:
     return np.split(numeric_times(together), edges)
 
 
-def _at(times: Array, own: Array, frame: pd.DataFrame, holds: bool) -> Array:
-    """Readings (nrow x njoint) at other times (nrow), NaN where there were none."""
+def sampled_at(times: Array, own: Array, frame: pd.DataFrame, holds: bool) -> Array:
+    """Readings at other times (nrow x ncolumn), NaN where there were none.
+
+    Args:
+        times: the other times (nrow).
+        own: those of the readings (nown).
+        frame: the readings (nown x ncolumn).
+        holds: whether each holds until the next; else they are straight between two.
+    """
     read = frame.apply(pd.to_numeric, errors="coerce").to_numpy(dtype=np.float64)
     known = np.isfinite(own) & np.isfinite(read).all(axis=1)
     own, read = own[known], read[known]

@@ -88,6 +88,10 @@ class Part:
         rigid = (model.rigid(bodies, own.coordinates + zeros, own.speeds, own.accelerations) for own in chunks)
         return self._bodies[key], np.concatenate(list(rigid))
 
+    def whole(self, model: LinearModel, bodies: Array, torques: Array) -> Array:
+        """What errors of averaged `torques` (nwindow x ntest x njoint) are shares of, squared, by bodies (nbody)."""
+        return model.whole(torques, bodies, lambda: self._averaged(model, bodies, np.zeros(model.njoint))[0])
+
     def sliding(self, model: LinearModel) -> Array:
         """The state of dry friction at nodes (nwindow x nnode x nmotor)."""
         if not model.sliding.builds_up:
@@ -188,58 +192,54 @@ class Equations:
         zeros = np.zeros((self.nlog, n))
         largest = max(float(np.abs(torques).max()) for torques in self.torques) or 1.0
         every = np.concatenate([torques.reshape(-1, n) for torques in self.torques])
-        covariance, floor = np.zeros((n, n)), np.zeros((n, n))
+        usual, least = self._usual_errors(every, largest)
+        covariance, floor = self._without_untrusted(np.diag(usual), largest), np.diag(least)
         passes = PASSES if self.zeros or "load" in model.friction else 1
         for step in range(passes):
             rows = [self._rows(part, bodies, zeros[part.log], step > 0) for part in self.parts]
             nominal, prior = prior_of(model, rows, every, self.scale)
-            if step == 0:
-                usual, least = self._usual_errors(rows, every, largest)
-                covariance, floor = self._without_untrusted(np.diag(usual), largest), np.diag(least)
             for _ in range(ROUNDS):
                 weight = np.asarray(np.linalg.inv(covariance + floor), dtype=np.float64)
                 blocks = self._blocks(rows, weight, zeros)
                 values, changes, precision = eliminated(blocks, nominal, prior, zeros, self.zeros and step > 0)
                 left = self._left(rows, values, changes)
                 covariance = self._of_held(left.T @ left / len(left))
-                covariance = self._without_untrusted(self._not_shrunk(covariance, rows, values), largest)
+                covariance = self._without_untrusted(self._not_shrunk(covariance, values), largest)
             zeros = zeros + changes
             bodies = values[: model.nbody]
         solution = Solution(values[:nparam], precision, prior, zeros, weight)
         return solution, rows, blocks
 
-    def _usual_errors(self, rows: list[Array], torques: Array, largest: float) -> tuple[Array, Array]:
-        """The variances of torques (njoint) to begin with, and the least that they may be. A joint without a motor is 0
-        of whatever weighs nothing, so its error is no less than a share of the terms that cancel.
-
-        Args:
-            rows: of each log (nwindow x ntest x njoint x nparam or more).
-            torques: averaged, of all logs (nrow x njoint).
-            largest: of these.
+    def _usual_errors(self, torques: Array, largest: float) -> tuple[Array, Array]:
+        """The variances of averaged `torques` (nrow x njoint) to begin with, and the least that they may be (njoint
+        each), by the `largest` of these, or in a joint without a motor by the terms that cancel.
         """
         usual = np.maximum((torques**2).mean(axis=0), LEAST * largest**2)
         least = np.full(len(usual), (LEAST * largest) ** 2)
         if self.model.passive.any():
-            terms = self._terms(rows, self.scale * self.model.nominal)
+            terms = self._terms(self.scale * self.model.nominal)
             usual = np.where(self.model.passive, np.maximum(PASSIVE**2 * terms, usual), usual)
             least = np.where(self.model.passive, np.maximum(LEAST_PASSIVE**2 * terms, least), least)
         return usual, least
 
-    def _terms(self, rows: list[Array], bodies: Array) -> Array:
-        """The mean squares of the terms of each torque (njoint), by bodies (nbody)."""
-        squares = [self.model.terms_squared(own, bodies).mean(axis=(0, 1)) for own in rows]
+    def _terms(self, bodies: Array) -> Array:
+        """The mean squares of the torques (njoint), of joints without a motor those of the terms that cancel, by bodies
+        (nbody).
+        """
+        every = zip(self.parts, self.torques, strict=True)
+        squares = [part.whole(self.model, bodies, torques).mean(axis=(0, 1)) for part, torques in every]
         return np.asarray(np.mean(squares, axis=0), dtype=np.float64)
 
-    def _not_shrunk(self, covariance: Array, rows: list[Array], values: Array) -> Array:
+    def _not_shrunk(self, covariance: Array, values: Array) -> Array:
         """The covariance of what is left of a torque (njoint x njoint), where in a joint without a motor errors are
         shares of the terms that cancel: else bodies that weigh nothing would explain it best.
         """
         if not self.model.passive.any():
             return covariance
         nominal, found = (
-            self._terms(rows, bodies) for bodies in (self.scale * self.model.nominal, values[: self.model.nbody])
+            self._terms(bodies) for bodies in (self.scale * self.model.nominal, values[: self.model.nbody])
         )
-        shrunk = np.sqrt(np.maximum(nominal / np.maximum(found, 1e-12 * nominal), 1.0))
+        shrunk = np.sqrt(np.maximum(nominal / np.maximum(found, 1e-12 * nominal + 1e-300), 1.0))
         growth = np.where(self.model.passive, shrunk, 1.0)
         return np.asarray(covariance * np.outer(growth, growth), dtype=np.float64)
 

@@ -158,6 +158,13 @@ class LinearModel:
         return replace(self, sliding=replace(self.sliding, still=still))
 
     @property
+    def endless(self) -> NDArray[np.bool_]:
+        """Which joints (njoint) have no range: those of a chain, and of an arm where its file says none."""
+        if self.prior is None:
+            return np.ones(self.njoint, dtype=np.bool_)
+        return np.asarray(~np.isfinite(self.prior.nominal.high - self.prior.nominal.low))
+
+    @property
     def least_reach(self) -> Array:
         """How far each joint (njoint) goes from end to end at least, in rad or m, where it slides."""
         return np.where(self.slides, LEAST_SLIDE, LEAST_TURN)
@@ -175,15 +182,19 @@ class LinearModel:
         """The same with other joints (njoint) that have no motor."""
         return replace(self, passive=passive)
 
-    def terms_squared(self, columns: Array, bodies: Array) -> Array:
-        """The squares of what each body parameter has of the torque of bodies (nbody), summed: its size, where all of
-        them cancel.
+    def whole(self, torques: Array, bodies: Array, columns: Callable[[], Array]) -> Array:
+        """The squares that errors of torques are shares of (... x njoint): those of the torques, and in a joint without
+        a motor of the terms that cancel, summed.
 
         Args:
-            columns: the torque for a unit of each (... x nbody or more).
+            torques: that acted (... x njoint), in N m or N.
             bodies: the unknowns of the bodies (nbody).
+            columns: makes the torque for a unit of each (... x njoint x nbody or more), where a joint has no motor.
         """
-        return np.asarray(((columns[..., : self.nbody] * bodies) ** 2).sum(axis=-1), dtype=np.float64)
+        squares = torques**2
+        if self.passive.any():
+            squares = np.where(self.passive, ((columns()[..., : self.nbody] * bodies) ** 2).sum(axis=-1), squares)
+        return self.trusted_alone(squares)
 
     def trusted_alone(self, torques: Array) -> Array:
         """Torques, or squares of them (... x njoint), 0 where they are not trusted."""
