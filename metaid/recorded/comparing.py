@@ -21,6 +21,7 @@ from metaid.recorded.weak_form.smoothed import Smoothed
 
 WORTH = 0.97  # of the error: what leaves more is not taken up
 STARTS = 24  # of simulations a fold, while something is chosen
+COVERED = 0.5  # of the time that any windows cover: where fewer rows were read, short ones have too few
 
 
 class Missed(NamedTuple):
@@ -85,7 +86,10 @@ class Search:
                 f"{names}: too short for {len(model.names)} unknowns, or read too rarely "
                 f"(allowed: more motion, or fewer terms of friction)"
             )
-        folds = folds_of(logs, next(iter(self._by_windows.values())).middles)
+        covered = {windows: each.covered for windows, each in self._by_windows.items()}
+        least = COVERED * max(covered.values())
+        self._by_windows = {windows: each for windows, each in self._by_windows.items() if covered[windows] >= least}
+        folds = folds_of(logs, self.first.middles)
         self.yardstick = Yardstick(tuple(logs), folds)
         self._by_windows = {key: replace(each, folds=folds) for key, each in self._by_windows.items()}
         self.tried: list[tuple[str, float]] = []

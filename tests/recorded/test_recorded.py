@@ -123,6 +123,18 @@ def test_delay_of_the_torques_is_found(arm: Tree) -> None:
     assert estimate_records([record], model, Choices(delay=0.0)).held_out.relative > 10.0 * found.held_out.relative
 
 
+def test_ends_that_are_read_often_are_not_taken_for_the_whole_log(rig: Path) -> None:
+    """Of a log that is read often at both ends alone, as one whose repeated rows are left out but at rest, thirds of
+    all of it are held out.
+    """
+    log = pd.read_csv(rig / "log.csv")
+    often = (log.index < 200) | (log.index >= len(log) - 200) | (log.index % 10 == 0)
+    found = estimate(log[often], rig / "believed.toml", friction=["viscous"])
+    times = found.estimate.logs[0].times
+    assert found.verdict.is_found
+    assert all(fold.rows(0, times).mean() > 0.3 for fold in found.estimate.chosen.yardstick.folds)
+
+
 @pytest.mark.slow
 def test_hidden_spring_is_suspected_and_widens_the_intervals() -> None:
     """Nothing is wrong beyond both deviations that is called determined, though the model has no spring."""

@@ -164,6 +164,11 @@ class Equations:
         return sum(len(part.windows) for part in self.parts)
 
     @property
+    def covered(self) -> float:
+        """How long the windows of all logs are, without what two of them share, in s."""
+        return float(sum(len(part.windows) * part.windows.apart for part in self.parts))
+
+    @property
     def middles(self) -> list[Array]:
         """When the windows of each log are half over (nwindow), in s."""
         return [part.windows.middles for part in self.parts]
