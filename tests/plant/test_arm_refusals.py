@@ -27,7 +27,7 @@ REFUSED = {
     ),
     "branch": (
         {"beside": "<body name='hand'><joint name='hand'/><geom size='0.1'/></body>"},
-        "joints 'elbow' and 'hand' are on different branches (allowed: joints in series",
+        "joints 'elbow' and 'hand' are on different branches (allowed: joints in series, as shoulder,elbow; or joints",
     ),
     "spring": ({"joint": "stiffness='3'"}, "joint 'shoulder' has a spring, stiffness 3 (allowed: no stiffness)"),
     "friction": (

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from arm_files import read
+from arm_files import MJCF, read
 from conftest import Finished
 from swinging import log_of
 
@@ -101,10 +101,14 @@ def test_fingers_that_follow_others_are_held(tmp_path: Path) -> None:
         read(tmp_path, robot(), joints=["shoulder", "elbow", "left"])
 
 
-def test_a_robot_with_branches_names_its_longest_series(tmp_path: Path) -> None:
-    """What is refused says what could be asked for."""
-    with pytest.raises(PlantError, match="in series, as shoulder,elbow,left; or joints"):
-        read(tmp_path, robot())
+def test_joints_on_short_branches_are_held_and_named(tmp_path: Path) -> None:
+    """As fingers are, where nobody says which joints move; not beside a floating base, which could not be held."""
+    arm = read(tmp_path, robot())
+    assert arm.tree.names == ("shoulder", "elbow")
+    assert arm.repairs == ("arm.xml: held, for they are on branches: left, right (--joints A,B of those that move)",)
+    assert read(tmp_path, robot(), joints=ARM).repairs == ()
+    with pytest.raises(PlantError, match="joint 'free' is a floating base"):
+        read(tmp_path, MJCF.replace('<geom type="box" size="0.1', '<freejoint name="free"/><geom type="box" size="0.1'))
 
 
 def test_an_mjcf_is_repaired_as_a_urdf_is(tmp_path: Path) -> None:

@@ -40,6 +40,11 @@ class Whole:
         return tuple(joint_name(self.model, joint) for joint in self.joints)
 
     @property
+    def held(self) -> tuple[str, ...]:
+        """The names of the joints that do not move."""
+        return tuple(joint_name(self.model, joint) for joint in range(self.model.njnt) if joint not in self.joints)
+
+    @property
     def addresses(self) -> list[int]:
         """Where the coordinates of the moving joints are in the model's (njoint)."""
         return [int(self.model.jnt_qposadr[joint]) for joint in self.joints]

@@ -52,7 +52,10 @@ def read_arm(settings: ArmSettings, source: str) -> Arm:
     model, named = compiled.model, f"{source}: {path.name}"
     joints = moving_joints(named, model, settings.joints)
     whole = Whole(model, joints, _pose(model, settings, source), compiled.lost)
-    repairs = tuple(f"{path.name}: {each.text}" for each in compiled.repairs if each.matters(whole.names))
+    texts = [each.text for each in compiled.repairs if each.matters(whole.names)]
+    if settings.joints is None and whole.held:
+        texts.append(f"held, for they are on branches: {', '.join(whole.held)} (--joints A,B of those that move)")
+    repairs = tuple(f"{path.name}: {text}" for text in texts)
     refuse_what_is_no_arm(named, whole)
     tree = fuse(whole)
     if tree.mass[-1] <= LIGHTEST:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from itertools import pairwise
+from itertools import pairwise, takewhile
 
 import numpy as np
 
@@ -24,7 +24,7 @@ def moving_joints(source: str, model: mujoco.MjModel, wanted: Sequence[str] | No
     Args:
         source: the file, for the message of an error.
         model: of the whole file.
-        wanted: their names; None for all.
+        wanted: their names; None for all, without short branches, as fingers and a head are.
 
     Raises:
         PlantError: there is no such joint, or they are not hinges and slides in series.
@@ -40,7 +40,8 @@ def moving_joints(source: str, model: mujoco.MjModel, wanted: Sequence[str] | No
                 f"joint '{name}' is {kind} (allowed: {', '.join(allowed)})" if kind else unknown("joint", name, allowed)
             )
             raise PlantError(f"{source}: joints: {met}")
-    joints = tuple(i for i, name in enumerate(names) if wanted is None or name in wanted)
+    every = tuple(i for i, name in enumerate(names) if wanted is None or name in wanted)
+    joints = _trunk(model) or every if wanted is None else every
     for joint in joints:
         kind = kinds.get(types[joint])
         if kind:
@@ -60,13 +61,32 @@ def moving_joints(source: str, model: mujoco.MjModel, wanted: Sequence[str] | No
 
 def _longest(model: mujoco.MjModel) -> list[str]:
     """The names of the hinges and slides of the longest series in a file, from the base on."""
-    series: dict[int, list[str]] = {}
+    return [joint_name(model, joint) for joint in max(_series(model), key=len)]
+
+
+def _trunk(model: mujoco.MjModel) -> tuple[int, ...]:
+    """The numbers of the joints from the base to where the longest series of a file part; none where a branch that
+    leaves them has more than half as many, or they are all in series, or one is no hinge and no slide.
+    """
+    series = _series(model)
+    if len({joint for each in series for joint in each}) < model.njnt:
+        return ()
+    longest = max(map(len, series), default=0)
+    alike = [each for each in series if len(each) == longest]
+    trunk = tuple(joints[0] for joints in takewhile(lambda joints: len(set(joints)) == 1, zip(*alike, strict=True)))
+    branches = [len(set(each) - set(trunk)) for each in series]
+    return trunk if 0 < 2 * max(branches, default=0) <= len(trunk) else ()
+
+
+def _series(model: mujoco.MjModel) -> list[tuple[int, ...]]:
+    """The numbers of the hinges and slides from the base to each body that has one, those included."""
+    series: dict[int, tuple[int, ...]] = {}
     for joint, kind in enumerate(model.jnt_type.tolist()):
         if kind in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE):
             body = int(model.jnt_bodyid[joint])
-            before = next((series[each] for each in _to_base(model, body) if each in series), [])
-            series[body] = [*before, joint_name(model, joint)]
-    return max(series.values(), key=len)
+            before = next((series[each] for each in _to_base(model, body) if each in series), ())
+            series[body] = (*before, joint)
+    return list(series.values())
 
 
 def _to_base(model: mujoco.MjModel, body: int) -> Iterator[int]:
