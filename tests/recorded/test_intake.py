@@ -289,6 +289,22 @@ def test_rows_that_repeat_readings_of_a_moving_robot_are_left_out() -> None:
     np.testing.assert_allclose(record.angles, log[["angle_1", "angle_2"]])
 
 
+def test_angles_that_are_read_more_seldom_than_the_log_has_rows_are_read_once() -> None:
+    """Of a controller that logs three rows to each reading, with speeds that are 0 but in the first; torques are what
+    they were on average.
+    """
+    log = clean().iloc[:1500]
+    first = np.arange(len(log)) // 3 * 3
+    held = log.iloc[first].reset_index(drop=True).assign(time=log["time"], torque_1=log["torque_1"])
+    held[["speed_1", "speed_2"]] *= 3.0 * (first == log.index)[:, None]
+    record = read(held)
+    assert [(repair.kind, repair.count) for repair in record.repairs] == [("repeated rows", 1000)]
+    assert record.speeds is not None
+    np.testing.assert_array_equal(record.angles, log[["angle_1", "angle_2"]][::3])
+    np.testing.assert_allclose(record.speeds, log[["speed_1", "speed_2"]][::3])
+    np.testing.assert_allclose(record.torques[:, 0], log["torque_1"].to_numpy().reshape(-1, 3).mean(axis=1))
+
+
 @pytest.mark.parametrize("size", [0.1, 3.0, 1e6])
 def test_lone_wild_readings_are_replaced_by_what_their_neighbours_say(size: float) -> None:
     """Of angles, speeds and torques, each counted; no other reading is touched."""

@@ -251,6 +251,16 @@ def test_fact_that_is_wrong_is_named_with_what_mends_it(spoil: Callable[[Record]
     assert facts[0].option == option.format(found.model.joints[1])
 
 
+@pytest.mark.parametrize(("cancelled", "named"), [((0.0, 3.0, 1.5), True), ((0.0, 0.2, 0.1), False)])
+def test_torque_that_falls_with_speed_as_no_friction_does_is_named(cancelled: tuple[float, ...], named: bool) -> None:
+    """As of a real arm whose drives cancel friction beside what they log; not where friction falls and still holds."""
+    record = arm_log(lambda speeds: DRY * np.sign(speeds) - np.array(cancelled) * speeds)
+    found = estimated(record)
+    joints = found.model.joints
+    said = [fact.option for fact in facts_of([record], found)]
+    assert said == ([f"--untrusted {joints[1]},{joints[2]}"] if named else [])
+
+
 def heavy_rotor(arm: Tree) -> tuple[Record, Tree]:
     """That turns with the first joint, whose axis is vertical; nobody knows of any rotor."""
     with_rotor = arm.parameters.copy()

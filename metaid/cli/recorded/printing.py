@@ -58,7 +58,8 @@ def _print_held_out(shown: dict[str, Any], result: RecordedResult) -> None:
             f"{1e3 * motion['angle'][i]:.3g}" if motion["angle"][i] is not None else "",
             f"{1e3 * motion['constant_speed'][i]:.3g}" if motion["constant_speed"][i] is not None else "",
         ]
-        rows.append(cells + [f"{each['torque']['joints'][i]['relative']:.1%}" for each in beside])
+        others = [each["torque"]["joints"][i] for each in beside]
+        rows.append(cells + [f"{each['relative']:.1%}" if each["of"] else "" for each in others])
     columns = ["joint", "error", "N m", "of", "nominal", f"mrad {seconds:g} s", "still going"]
     columns += [each["path"] for each in beside]
     logs, window, read = shown["logs"], shown["window"], shown["friction"]

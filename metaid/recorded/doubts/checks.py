@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from metaid.models import Array
 from metaid.recorded.absolute import Absolute, absolute_of
@@ -23,7 +24,7 @@ from metaid.recorded.doubts.conventions import (
     suspected,
     together,
 )
-from metaid.recorded.doubts.scales import UNIT, scales_of
+from metaid.recorded.doubts.scales import KNOWN, UNIT, scales_of
 from metaid.recorded.estimating import RecordedEstimate
 from metaid.recorded.reading.log import Record
 from metaid.recorded.weak_form.equations import Equations, Part, equations_of
@@ -75,6 +76,10 @@ def _named(equations: Equations, found: RecordedEstimate, measured: Absolute | N
     """
     check = Check(equations, found.fastest, absolute_of(found.model) if measured is None else measured)
     usual = check.left()
+    pushed = _pushed(check, usual)
+    if pushed.any():
+        model = equations.model.with_untrusted(equations.model.untrusted | pushed)
+        return (_falls(check, pushed), *_named(replace(equations, model=model), found, measured))
     units = _units(check)
     turned = _turned(found)
     if usual.max() < WRONG and not units:
@@ -104,6 +109,38 @@ def _named(equations: Equations, found: RecordedEstimate, measured: Absolute | N
             units = _units(mended[worth[0].option])
     telling = [fact for fact in worth if fact.left < worth[0].left * 1.15][:2]
     return (*(fact for _, fact in units.values()), *turned, *(telling if usual.max() >= WRONG else ()))
+
+
+def _pushed(check: Check, usual: Array) -> NDArray[np.bool_]:
+    """Which joints (njoint) friction would push once they are fast, though it holds them while they are slow, and which
+    a model that may have such friction explains far better than what is left of the `usual` (njoint).
+    """
+    equations, free = check.equations, check.free
+    model, values = equations.model, equations.solved[0].values
+    pushed = ~(model.untrusted | model.passive | equations.held) & (free < np.minimum(NAMED * usual, LOST))
+    covariance = equations.covariance(values) if pushed.any() else np.zeros((0, 0))
+    for joint in np.flatnonzero(pushed).tolist():
+        slow = np.arange(len(values)) == model.columns["coulomb", joint]
+        fast = slow + check.fastest[joint] * (np.arange(len(values)) == model.columns["viscous", joint])
+        holds, drives = (
+            sign * (row @ values) / np.sqrt(row @ covariance @ row) for sign, row in ((1, slow), (-1, fast))
+        )
+        pushed[joint] = holds > KNOWN and drives > KNOWN
+    return pushed
+
+
+def _falls(check: Check, pushed: NDArray[np.bool_]) -> Fact:
+    """That torques of joints fall as no friction does."""
+    model, values = check.equations.model, check.equations.solved[0].values
+    names = np.array(model.joints)[pushed].tolist()
+    slopes = (f"{-values[model.columns['viscous', joint]]:.2g}" for joint in np.flatnonzero(pushed).tolist())
+    option = f"--untrusted {','.join(names)}"
+    unit = "N m or N for a unit of its speed" if model.slides[pushed].any() else "N m s"
+    text = (
+        f"the torque of joint {', '.join(names)} falls as it moves faster, by {', '.join(slopes)} {unit}, as with no "
+        f"friction: a drive that cancels friction may send more than it logs; {option} fits nothing to it"
+    )
+    return Fact(text, option, 0.0)
 
 
 def _driven(name: str) -> Fact:

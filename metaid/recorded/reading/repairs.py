@@ -127,26 +127,49 @@ def unwrapped(readings: Readings, slides: NDArray[np.bool_]) -> Readings:
 
 def without_repeats(readings: Readings) -> Readings:
     """The same without rows that repeat all readings of the row above though the robot moves: packets that were sent,
-    or written, twice.
+    or written, twice. Where angles are usually read but once in several rows, a row is left of each reading, at rest as
+    well, with speeds and torques that are averages of theirs.
     """
-    same = np.ones(len(readings) - 1, dtype=bool)
-    for read in (readings.angles, readings.speeds, readings.torques):
-        if read is not None:
-            same &= (read[1:] == read[:-1]).all(axis=1)
-    if not same.any():
-        return readings
-    reach = 10
-    ahead = np.concatenate([readings.angles[reach:], np.repeat(readings.angles[-1:], reach, axis=0)])
-    behind = np.concatenate([np.repeat(readings.angles[:1], reach, axis=0), readings.angles[:-reach]])
-    steps = np.abs(ahead - behind) / (2.0 * reach)
-    resolution = np.array([resolution_of(column) for column in readings.angles.T])
-    moves = (steps > STEPS * np.maximum(resolution, 1e-12)).any(axis=1)[1:]
-    twice = np.concatenate([[False], same & moves])
-    count = int(twice.sum())
+    others = [read for read in (readings.speeds, readings.torques) if read is not None]
+    same, moves = _repeats(readings.angles), _moves(readings.angles)
+    news = np.flatnonzero(~same)
+    lasts = np.diff(news, append=len(same))
+    moving = lasts[np.maximum.reduceat(moves, news)]
+    usual = int(np.median(moving)) if len(moving) else 1
+    if usual > 1:
+        since = np.arange(len(same)) - np.repeat(news, lasts)
+        twice = same & (moves | (since % usual > 0))
+    else:
+        twice = same & moves & np.all([_repeats(read) for read in others], axis=0)
+    count, kept = int(twice.sum()), np.flatnonzero(~twice)
     if not count:
         return readings
-    text = f"{counted(count, 'row')} with all readings of the row above, though the robot moves: left out"
-    return readings.rows(~twice).repaired("repeated rows", count, text)
+    sizes = np.diff(kept, append=len(same))
+    first = np.repeat(kept, sizes)
+
+    def averaged(read: Array) -> Array:
+        return np.asarray(read[kept] + np.add.reduceat(read - read[first], kept) / sizes[:, None], dtype=np.float64)
+
+    differ = any((read != read[first]).any() for read in others)
+    what = ("the angles", ", other readings averaged") if differ else ("all readings", "")
+    text = f"{counted(count, 'row')} with {what[0]} of the row above, though the robot moves: left out{what[1]}"
+    once = replace(readings.mapped(averaged), times=readings.times[kept])
+    return once.repaired("repeated rows", count, text)
+
+
+def _repeats(read: Array) -> NDArray[np.bool_]:
+    """Rows (nrow) whose readings (nrow x njoint) are all those of the row above."""
+    return np.concatenate([[False], (read[1:] == read[:-1]).all(axis=1)])
+
+
+def _moves(angles: Array) -> NDArray[np.bool_]:
+    """Rows (nrow) around which a joint moves by some steps of its encoder (nrow x njoint) from one to the next."""
+    reach = 10
+    ahead = np.concatenate([angles[reach:], np.repeat(angles[-1:], reach, axis=0)])
+    behind = np.concatenate([np.repeat(angles[:1], reach, axis=0), angles[:-reach]])
+    steps = np.abs(ahead - behind) / (2.0 * reach)
+    resolution = np.array([resolution_of(column) for column in angles.T])
+    return np.asarray((steps > STEPS * np.maximum(resolution, 1e-12)).any(axis=1), dtype=np.bool_)
 
 
 def rested(readings: Readings) -> Readings:
