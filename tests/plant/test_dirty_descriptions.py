@@ -101,6 +101,15 @@ def test_fingers_that_follow_others_are_held(tmp_path: Path) -> None:
         read(tmp_path, robot(), joints=["shoulder", "elbow", "left"])
 
 
+def test_link_that_stands_for_a_frame_is_repaired_in_silence(tmp_path: Path) -> None:
+    """As those of a Sawyer, whose masses, moments and products are all 1e-8."""
+    frame = '<link name="frame"><inertial><mass value="1e-8"/>' + INERTIA.format(1e-8, 1e-8, 1e-8)
+    frame = frame.replace('xy="0"', 'xy="1e-8"').replace('xz="0"', 'xz="1e-8"').replace('yz="0"', 'yz="1e-8"')
+    fixed = '<joint name="flange" type="fixed"><parent link="fore"/><child link="frame"/></joint></robot>'
+    arm = read(tmp_path, robot().replace("</robot>", f"{frame}</inertial></link>{fixed}"), joints=ARM)
+    assert arm.repairs == ()
+
+
 def test_joints_on_short_branches_are_held_and_named(tmp_path: Path) -> None:
     """As fingers are, where nobody says which joints move; not beside a floating base, which could not be held."""
     arm = read(tmp_path, robot())

@@ -18,6 +18,7 @@ NOTHING = 1e-9  # kg, of a link that weighs nothing: MuJoCo moves none of no mas
 SMALL = 1e-3  # m: its radius of gyration
 LEAST = 1e-3  # of the sum of the second moments, that a repaired body has along each axis at least
 ROUNDING = 1e-9  # of it: a body that is as thin as this can be
+FRAME = 1e-6  # of the file's largest inertia: a link that has less stands for a frame
 DENSITY = 2700.0  # kg/m³, aluminium: of the ball whose inertia a link gets that has none
 _UPPER = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # of a full inertia in MuJoCo's order
 
@@ -45,9 +46,12 @@ def repair_inertias(spec: mujoco.MjSpec, is_said: Callable[[mujoco.MjsBody], boo
     """
     made, base = [], spec.worldbody
     base.explicitinertial, base.mass, base.inertia, base.fullinertia = False, 0.0, np.zeros(3), np.full(6, np.nan)
-    for body in list(spec.bodies)[1:]:
+    bodies = list(spec.bodies)[1:]
+    largest = max((float(np.abs(_inertia(body)).max()) for body in bodies), default=0.0)
+    least = FRAME * min(largest, 1.0)  # one that is far too large must not silence all others
+    for body in bodies:
         if is_said(body):
-            text = _possible(body) or (_with_some(body) if body.joints else "")
+            text = _possible(body, least) or (_with_some(body) if body.joints else "")
             if text:
                 made.append(Repair(text, tuple(_joints(body))))
     return tuple(made)
@@ -78,8 +82,10 @@ def possible_inertia(inertia: Array) -> Array:
     return nearest
 
 
-def _possible(body: mujoco.MjsBody) -> str:
-    """Mends the inertia of a body where it is impossible; what was done, unless that is rounding."""
+def _possible(body: mujoco.MjsBody, least: float) -> str:
+    """Mends the inertia of a body where it is impossible; what was done, unless that is rounding, or the inertia is
+    below the `least` that is worth a word, in kg m².
+    """
     inertia = _inertia(body)
     if not inertia.any() or not np.abs(inertia).max() <= LARGEST:
         return ""
@@ -90,7 +96,7 @@ def _possible(body: mujoco.MjsBody) -> str:
         body.inertia = np.diag(mended)
     else:
         body.fullinertia = [mended[place] for place in _UPPER]
-    if np.allclose(mended, inertia, rtol=0.0, atol=10.0 * ROUNDING * np.abs(inertia).max()):
+    if np.allclose(mended, inertia, rtol=0.0, atol=max(10.0 * ROUNDING * np.abs(inertia).max(), least)):
         return ""
     moments = " ".join(f"{moment:.3g}" for moment in np.linalg.eigvalsh(inertia))
     return f"no body has the inertia of '{body.name}' (principal moments {moments} kg m²): the nearest one is taken"
