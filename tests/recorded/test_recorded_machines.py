@@ -261,6 +261,18 @@ def test_torque_that_falls_with_speed_as_no_friction_does_is_named(cancelled: tu
     assert said == ([f"--untrusted {joints[1]},{joints[2]}"] if named else [])
 
 
+@pytest.mark.parametrize("lost", [0.0, 0.8])
+def test_log_that_contradicts_the_others_is_named_first(lost: float) -> None:
+    """Of three runs one whose second encoder loses counts half way, as a real rotary pendulum's does."""
+    records = [
+        replace(log_of(swinging_arm(), noise=1e-5, seconds=2.0, seed=seed), name=f"run{seed}") for seed in range(3)
+    ]
+    slipped = lost * (records[1].times > 1.0)[:, None] * np.array([0.0, 1.0, 0.0])
+    records[1] = replace(records[1], angles=records[1].angles + slipped)
+    facts = facts_of(records, estimated(*records))
+    assert [fact.text.partition(" contradicts the other logs")[0] for fact in facts] == (["run1"] if lost else [])
+
+
 def heavy_rotor(arm: Tree) -> tuple[Record, Tree]:
     """That turns with the first joint, whose axis is vertical; nobody knows of any rotor."""
     with_rotor = arm.parameters.copy()

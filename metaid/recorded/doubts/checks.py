@@ -24,6 +24,7 @@ from metaid.recorded.doubts.conventions import (
     suspected,
     together,
 )
+from metaid.recorded.doubts.odd_logs import odd_log
 from metaid.recorded.doubts.scales import KNOWN, UNIT, scales_of
 from metaid.recorded.estimating import RecordedEstimate
 from metaid.recorded.reading.log import Record
@@ -60,6 +61,11 @@ def facts_of(records: Sequence[Record], found: RecordedEstimate, measured: Absol
         found: what they say.
         measured: how they measure the robot; by default its joints.
     """
+    odd = odd_log(found) if found.held_out.relative > WRONG else None
+    if odd is not None:
+        name, without, beside = odd
+        text = f"{name} contradicts the other logs, which predict one another to {without:.1%} without it"
+        return (Fact(f"{text}, to {beside:.1%} with it: leave it out, or see what is wrong", "", without / beside),)
     dead = found.model.passive & ~found.equations.held & (found.held_out.by_joint > DRIVEN)
     driven = tuple(_driven(name) for name in np.array(found.model.joints)[dead].tolist())
     equations = _thinned(records, found.logs, found)

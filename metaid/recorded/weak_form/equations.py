@@ -269,10 +269,10 @@ class Equations:
         unknown = UNTRUSTED * largest**2 * np.diag(self.model.untrusted.astype(float))
         return np.where(known, covariance, unknown)
 
-    def without(self, fold: int) -> Solution:
-        """The solution without the fold of this number, by the columns and weights of all."""
+    def without(self, *folds: int) -> Solution:
+        """The solution without the folds of these numbers, by the columns and weights of all."""
         solution, _, blocks = self.solved
-        fewer, nominal = blocks.without(fold), self._prior_mean
+        fewer, nominal = blocks.without(*folds), self._prior_mean
         values, changes, precision = eliminated(fewer, nominal, solution.prior, solution.zeros, self.zeros)
         return replace(solution, values=values, precision=precision, zeros=solution.zeros + changes)
 

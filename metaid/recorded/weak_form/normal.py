@@ -35,9 +35,9 @@ class Blocks:
     logs: NDArray[np.intp]
     shared: NDArray[np.bool_]
 
-    def without(self, fold: int) -> Blocks:
-        """Those that share no time with a fold."""
-        kept = ~self.shared[:, fold]
+    def without(self, *folds: int) -> Blocks:
+        """Those that share no time with some folds."""
+        kept = ~self.shared[:, folds].any(axis=1)
         return Blocks(self.grams[kept], self.moments[kept], self.logs[kept], self.shared[kept])
 
 
