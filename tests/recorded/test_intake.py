@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.io import savemat
 
 from metaid.errors import RecordError
 from metaid.recorded import Intake, Record, every_run
@@ -207,6 +208,60 @@ def test_text_is_read_as_it_is_written(how: str, tmp_path: Path) -> None:
     np.testing.assert_allclose(record.angles, usual.angles, atol=1e-12)
     np.testing.assert_allclose(record.torques, usual.torques, atol=1e-12)
     assert kinds(record) == (["format"] if how in ("semicolons", "tabs", "blanks", "UTF-16") else [])
+
+
+def arrays_of(log: pd.DataFrame) -> dict[str, np.ndarray]:
+    """A log as its arrays, two joints wide."""
+    return {
+        own: log[[f"{kind}_1", f"{kind}_2"]].to_numpy()
+        for own, kind in (("q", "angle"), ("dq", "speed"), ("tau", "torque"))
+    }
+
+
+@pytest.mark.parametrize("how", ["step", "structure", "lying"])
+def test_arrays_are_read_as_tables(how: str, tmp_path: Path) -> None:
+    """Of NumPy with the step alone, of MATLAB in a structure, or with a column a time; no numbers are passed by."""
+    log, path = clean(), tmp_path / ("run.npz" if how == "step" else "run.mat")
+    arrays, times = arrays_of(log), log["time"].to_numpy()
+    if how == "step":
+        np.savez(path, **arrays, dt=0.005, mass=2.5, names=np.array(["a", "b"], dtype=object))
+    elif how == "structure":
+        savemat(path, {"run": {"t": times, "note": "first", **arrays}})
+    else:
+        savemat(path, {"time": times[None], "Ts": 1.0} | {name: each.T for name, each in arrays.items()})
+    usual, record = read(log), read(str(path))
+    np.testing.assert_allclose(record.times, usual.times, atol=1e-12)
+    np.testing.assert_array_equal(record.angles, usual.angles)
+    np.testing.assert_array_equal(record.speeds, usual.speeds)
+    np.testing.assert_array_equal(record.torques, usual.torques)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "says"),
+    [
+        ("run.npz", b"hello", "no file of NumPy's arrays: File is not a zip file"),
+        ("run.mat", b"hello", "no file of MATLAB's: Mat file appears to be truncated"),
+        ("run.mat", b"MATLAB 7.3".ljust(124) + b"\x00\x02IM".ljust(400), "of MATLAB 7.3, which is not read (allowed: "),
+        ("run.mat", None, "No such file or directory (allowed: the path of a log)"),
+    ],
+)
+def test_file_without_arrays_is_refused_in_one_line(
+    name: str, content: bytes | None, says: str, tmp_path: Path
+) -> None:
+    path = tmp_path / name
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(RecordError) as refused:
+        read(str(path))
+    assert str(refused.value).startswith(f"{path}: {says}")
+
+
+def test_numbers_alone_are_no_log(tmp_path: Path) -> None:
+    np.savez(tmp_path / "run.npz", mass=2.5)
+    with pytest.raises(
+        RecordError, match=r"no array has a row for each time, among mass \(allowed: arrays as t, q, tau"
+    ):
+        read(str(tmp_path / "run.npz"))
 
 
 def test_rows_without_a_number_are_left_out_and_counted() -> None:

@@ -1,4 +1,6 @@
-"""Files and frames as tables of named columns: CSV as people have it, Parquet, frames; bags are in `bags.py`."""
+"""Files and frames as tables of named columns: CSV as people have it, Parquet, frames. Bags are in `bags.py`, files of
+arrays in `arrays.py`.
+"""
 
 from __future__ import annotations
 
@@ -11,11 +13,12 @@ from pathlib import Path
 import pandas as pd
 
 from metaid.errors import RecordError, optional_packages
+from metaid.recorded.reading.arrays import ARRAYS, arrays_frame
 from metaid.recorded.reading.bags import BAGS, bag_tables, is_bag
 from metaid.recorded.reading.readings import Repair
 
 TEXTS = (".csv", ".tsv", ".txt")
-SUFFIXES = (*TEXTS, ".parquet", *BAGS)
+SUFFIXES = (*TEXTS, ".parquet", *ARRAYS, *BAGS)
 BEGINNING = 1 << 16  # bytes that tell how a text is written
 MOST_TITLES = 20  # lines that may stand above the names of columns
 NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?|[+-]?(nan|inf)", re.IGNORECASE)
@@ -62,6 +65,8 @@ def tables_of(log: str | Path | pd.DataFrame, number: int, topic: str | None) ->
             return [replace(_of_frame(str(path), frame), notes=notes, topic=name) for name, frame, notes in every]
         if path.suffix not in SUFFIXES:
             raise RecordError(f"{path}: the ending says the format (allowed: {', '.join(SUFFIXES)})")
+        if path.suffix in ARRAYS:
+            return [_of_frame(str(path), arrays_frame(path))]
         return [_parquet(path) if path.suffix == ".parquet" else _text(path)]
     except OSError as problem:
         why = problem.strerror or "not a file of that format"

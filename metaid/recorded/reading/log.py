@@ -96,7 +96,7 @@ class Intake:
     needs_torques: bool = True
 
     def read(self, log: str | Path | pd.DataFrame, number: int = 1) -> tuple[Record, ...]:
-        """The runs in a log: CSV, Parquet, a bag, or a frame.
+        """The runs in a log: CSV, Parquet, arrays of MATLAB or NumPy, a bag, or a frame.
 
         Its columns are `time` and, of every joint by its number or its name, `angle_1` in rad, `speed_1` in rad/s and
         `torque_1` in N m (of a slide in m, m/s and N), or spelled as people do. All speeds may be missing.

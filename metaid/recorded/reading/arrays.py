@@ -1,0 +1,102 @@
+"""Files of named arrays, of NumPy (`.npz`) or MATLAB (`.mat`), as frames: a row a time, and a column a joint.
+
+An array that has a row for each time is as many columns as it has, `q` is `q_1`, `q_2` and so on; one that lies is
+turned. Where no array holds the times, a number that is called as a step or a rate makes them.
+"""
+
+from __future__ import annotations
+
+import zipfile
+import zlib
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from metaid.errors import RecordError, first_of
+
+ARRAYS = (".npz", ".mat")
+CLOCKS = ("t", "time", "times", "timestamp", "timestamps")
+STEPS, RATES = ("dt", "ts", "period"), ("fs", "rate")
+FEWEST = 10  # numbers in the longer direction of an array that may be a table
+MOST_NAMED = 8
+
+Named = dict[str, NDArray[Any]]
+
+
+def arrays_frame(path: Path) -> pd.DataFrame:
+    """The frame that a file of arrays makes.  Raises RecordError where none has a row for each time."""
+    every = dict(_numeric(_numpy(path) if path.suffix == ".npz" else _matlab(path)))
+    tables = {name: np.atleast_2d(np.squeeze(each)) for name, each in every.items()}
+    tables = {name: table for name, table in tables.items() if table.ndim == 2 and max(table.shape) >= FEWEST}
+    if not tables:
+        names = first_of(list(every), MOST_NAMED) if every else "none"
+        raise RecordError(f"{path}: no array has a row for each time, among {names} (allowed: arrays as t, q, tau)")
+    times = [table.size for name, table in tables.items() if _called(name) in CLOCKS and 1 in table.shape]
+    count = times[0] if times else Counter(max(table.shape) for table in tables.values()).most_common(1)[0][0]
+    columns: Named = {}
+    for name, table in tables.items():
+        if count in table.shape:
+            own = table if table.shape[0] == count else table.T
+            called = [name] if own.shape[1] == 1 else [f"{name}_{number + 1}" for number in range(own.shape[1])]
+            columns |= dict(zip(called, own.T, strict=True))
+    step = None if times else next(_steps(every), None)
+    if step is not None:
+        columns["time"] = step * np.arange(count)
+    return pd.DataFrame(columns)
+
+
+def _numpy(path: Path) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    try:
+        with zipfile.ZipFile(path), np.load(path, allow_pickle=False) as archive:
+            for name in archive.files:
+                with suppress(ValueError):  # of objects, which are no numbers
+                    found[name] = archive[name]
+            return found
+    except (zipfile.BadZipFile, zlib.error, EOFError) as problem:
+        raise RecordError(f"{path}: no file of NumPy's arrays: {problem}") from None
+
+
+def _matlab(path: Path) -> dict[str, Any]:
+    from scipy.io import loadmat, matlab  # slow to load
+
+    try:
+        with path.open("rb") as file:
+            found: dict[str, Any] = loadmat(file, simplify_cells=True)
+    except NotImplementedError:
+        raise RecordError(f"{path}: of MATLAB 7.3, which is not read (allowed: save with '-v7')") from None
+    except (matlab.MatReadError, zlib.error, TypeError, KeyError) as problem:
+        raise RecordError(f"{path}: no file of MATLAB's: {problem}") from None
+    found = {name: each for name, each in found.items() if not name.startswith("__")}
+    while len(found) == 1 and isinstance(alone := next(iter(found.values())), dict):
+        found = alone
+    return found
+
+
+def _numeric(values: dict[str, Any], within: str = "") -> Iterator[tuple[str, NDArray[Any]]]:
+    """Arrays of numbers and numbers, those in structures by the names of both."""
+    for name, value in values.items():
+        if isinstance(value, dict):
+            yield from _numeric(value, f"{within}{name}_")
+        elif np.isrealobj(each := np.asarray(value)) and np.issubdtype(each.dtype, np.number):
+            yield f"{within}{name}", each
+
+
+def _steps(every: Named) -> Iterator[float]:
+    """The steps between two rows, in s, that numbers are called."""
+    for name, each in every.items():
+        if each.size == 1 and (number := float(each.flat[0])) > 0.0:
+            if _called(name) in STEPS:
+                yield number
+            if _called(name) in RATES:
+                yield 1.0 / number
+
+
+def _called(name: str) -> str:
+    return name.lower().rpartition("_")[2]
