@@ -202,8 +202,9 @@ WRITTEN: dict[str, Callable[[pd.DataFrame, Path], object]] = {
 @pytest.mark.parametrize("how", WRITTEN)
 def test_text_is_read_as_it_is_written(how: str, tmp_path: Path) -> None:
     """Whatever separates columns, with decimal commas, a byte order mark, and a title above."""
-    WRITTEN[how](clean(), tmp_path / "log.csv")
-    record = read(str(tmp_path / "log.csv"))
+    path = tmp_path / ("log.dat" if how == "blanks" else "log.csv")
+    WRITTEN[how](clean(), path)
+    record = read(str(path))
     usual = read(clean())
     np.testing.assert_allclose(record.angles, usual.angles, atol=1e-12)
     np.testing.assert_allclose(record.torques, usual.torques, atol=1e-12)

@@ -17,7 +17,7 @@ from metaid.recorded.reading.arrays import ARRAYS, arrays_frame
 from metaid.recorded.reading.bags import BAGS, bag_tables, is_bag
 from metaid.recorded.reading.readings import Repair
 
-TEXTS = (".csv", ".tsv", ".txt")
+TEXTS = (".csv", ".tsv", ".txt", ".dat")
 SUFFIXES = (*TEXTS, ".parquet", *ARRAYS, *BAGS)
 BEGINNING = 1 << 16  # bytes that tell how a text is written
 MOST_TITLES = 20  # lines that may stand above the names of columns
