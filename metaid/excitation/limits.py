@@ -19,6 +19,7 @@ SWING, SLIDE = 1.5, 0.5  # rad, m: to either side of where a joint without limit
 SPEED, SLIDING = 2.0, 0.5  # rad/s, m/s
 ACCELERATION, PUSHING = 10.0, 2.0  # rad/s², m/s²
 Positive = Annotated[float, Field(gt=0, le=1e9)]
+NotNegative = Annotated[float, Field(ge=0, le=1e9)]
 Finite = Annotated[float, Field(ge=-1e6, le=1e6)]
 
 
@@ -32,7 +33,7 @@ class LimitsSettings(Settings):
     high: Finite | dict[str, Finite] | None = None
     speed: Positive | dict[str, Positive] | None = None
     acceleration: Positive | dict[str, Positive] | None = None
-    torque: Positive | dict[str, Positive] | None = None
+    torque: NotNegative | dict[str, NotNegative] | None = None
     floor: Finite | None = None
 
 
@@ -97,6 +98,12 @@ def read_limits(path: Path, plant: ArmPlant | MujocoPlant) -> Limits:
         each("torque", usual.torque),
         settings.floor,
     )
+    for name, torque in zip(names, limits.torque, strict=True):
+        if torque == 0.0:
+            raise PlantError(
+                f"{path}: joint {name} has no motor, torque 0: no motion can be asked of it (allowed: robots whose "
+                "joints all have one; of others any log in which they swing)"
+            )
     for name, low, high in zip(names, limits.low, limits.high, strict=True):
         if not low < high:
             raise PlantError(f"{path}: joint {name} may move from {low:g} to {high:g} (allowed: low below high)")
