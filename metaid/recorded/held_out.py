@@ -72,6 +72,12 @@ class HeldOut:
         """The error of all joints' torques, as a share of what they are, both root mean square."""
         return float(np.linalg.norm(self.missed) / max(float(np.linalg.norm(self.of)), 1e-300))
 
+    def without(self, fold: int) -> float:
+        """The same of all folds but one."""
+        parts = [part for part in self.parts if part.fold != fold]
+        whole = sum(float(part.whole.sum()) for part in parts)
+        return float(np.sqrt(sum(float(part.squares.sum()) for part in parts) / max(whole, 1e-300)))
+
     @property
     def by_joint(self) -> Array:
         """The same of each joint (njoint)."""

@@ -10,11 +10,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from metaid.models import Array
 from metaid.recorded.absolute import Absolute, absolute_of
 from metaid.recorded.doubts.conventions import (
+    LOST,
     NAMED,
     SIGNS,
     WRONG,
@@ -24,8 +24,9 @@ from metaid.recorded.doubts.conventions import (
     suspected,
     together,
 )
+from metaid.recorded.doubts.falling import falling_torques, named_as_falling
 from metaid.recorded.doubts.odd_logs import odd_log
-from metaid.recorded.doubts.scales import KNOWN, UNIT, scales_of
+from metaid.recorded.doubts.scales import UNIT, scales_of
 from metaid.recorded.estimating import RecordedEstimate
 from metaid.recorded.reading.log import Record
 from metaid.recorded.weak_form.equations import Equations, Part, equations_of
@@ -33,7 +34,6 @@ from metaid.recorded.weak_form.smoothed import Smoothed
 
 MOST = 80  # windows of a check, of all logs
 SELDOM = 0.5  # as NAMED of gravity, which many other faults look like
-LOST = 0.3  # of the torque: where less is unexplained, the unit is known, and no two things are wrong at once
 BOTH = 0.7  # of what one leaves: as NAMED of two at once, for there are many pairs
 FIRST, TRIED = 12, 16  # facts of which others are tried beside, and pairs that are tried on a possible model
 THOUSANDS = (1000.0, 0.001)
@@ -63,9 +63,7 @@ def facts_of(records: Sequence[Record], found: RecordedEstimate, measured: Absol
     """
     odd = odd_log(found) if found.held_out.relative > WRONG else None
     if odd is not None:
-        name, without, beside = odd
-        text = f"{name} contradicts the other logs, which predict one another to {without:.1%} without it"
-        return (Fact(f"{text}, to {beside:.1%} with it: leave it out, or see what is wrong", "", without / beside),)
+        return (Fact(odd, "", 0.0),)
     dead = found.model.passive & ~found.equations.held & (found.held_out.by_joint > DRIVEN)
     driven = tuple(_driven(name) for name in np.array(found.model.joints)[dead].tolist())
     equations = _thinned(records, found.logs, found)
@@ -82,10 +80,11 @@ def _named(equations: Equations, found: RecordedEstimate, measured: Absolute | N
     """
     check = Check(equations, found.fastest, absolute_of(found.model) if measured is None else measured)
     usual = check.left()
-    pushed = _pushed(check, usual)
-    if pushed.any():
-        model = equations.model.with_untrusted(equations.model.untrusted | pushed)
-        return (_falls(check, pushed), *_named(replace(equations, model=model), found, measured))
+    falling = falling_torques(check, usual)
+    if falling.any():
+        text, option = named_as_falling(check, falling)
+        model = equations.model.with_untrusted(equations.model.untrusted | falling)
+        return (Fact(text, option, 0.0), *_named(replace(equations, model=model), found, measured))
     units = _units(check)
     turned = _turned(found)
     if usual.max() < WRONG and not units:
@@ -115,38 +114,6 @@ def _named(equations: Equations, found: RecordedEstimate, measured: Absolute | N
             units = _units(mended[worth[0].option])
     telling = [fact for fact in worth if fact.left < worth[0].left * 1.15][:2]
     return (*(fact for _, fact in units.values()), *turned, *(telling if usual.max() >= WRONG else ()))
-
-
-def _pushed(check: Check, usual: Array) -> NDArray[np.bool_]:
-    """Which joints (njoint) friction would push once they are fast, though it holds them while they are slow, and which
-    a model that may have such friction explains far better than what is left of the `usual` (njoint).
-    """
-    equations, free = check.equations, check.free
-    model, values = equations.model, equations.solved[0].values
-    pushed = ~(model.untrusted | model.passive | equations.held) & (free < np.minimum(NAMED * usual, LOST))
-    covariance = equations.covariance(values) if pushed.any() else np.zeros((0, 0))
-    for joint in np.flatnonzero(pushed).tolist():
-        slow = np.arange(len(values)) == model.columns["coulomb", joint]
-        fast = slow + check.fastest[joint] * (np.arange(len(values)) == model.columns["viscous", joint])
-        holds, drives = (
-            sign * (row @ values) / np.sqrt(row @ covariance @ row) for sign, row in ((1, slow), (-1, fast))
-        )
-        pushed[joint] = holds > KNOWN and drives > KNOWN
-    return pushed
-
-
-def _falls(check: Check, pushed: NDArray[np.bool_]) -> Fact:
-    """That torques of joints fall as no friction does."""
-    model, values = check.equations.model, check.equations.solved[0].values
-    names = np.array(model.joints)[pushed].tolist()
-    slopes = (f"{-values[model.columns['viscous', joint]]:.2g}" for joint in np.flatnonzero(pushed).tolist())
-    option = f"--untrusted {','.join(names)}"
-    unit = "N m or N for a unit of its speed" if model.slides[pushed].any() else "N m s"
-    text = (
-        f"the torque of joint {', '.join(names)} falls as it moves faster, by {', '.join(slopes)} {unit}, as with no "
-        f"friction: a drive that cancels friction may send more than it logs; {option} fits nothing to it"
-    )
-    return Fact(text, option, 0.0)
 
 
 def _driven(name: str) -> Fact:

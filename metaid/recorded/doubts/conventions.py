@@ -21,6 +21,7 @@ from metaid.recorded.weak_form.possible import Possible
 
 NAMED = 0.75  # of the torque that the model leaves unexplained: a fact that leaves less is named
 WRONG = 0.08  # of the torque, that must be unexplained for a fact to be looked for
+LOST = 0.3  # of the torque: where less is unexplained, the unit is known, and no two things are wrong at once
 SIGNS = "--scale all=-1"  # all torques turned
 QUARTERS = (0.5 * np.pi, -0.5 * np.pi, np.pi)
 

@@ -12,10 +12,10 @@ PLAIN = ("viscous", "coulomb")
 SPOILS = 0.5  # of the error with which the others are predicted: without the log it is less
 
 
-def odd_log(found: RecordedEstimate) -> tuple[str, float, float] | None:
-    """Of whole logs that were held out those without which the others predict one another far better: their names, and
-    the error of the others without them and with them, as shares of their torques; None where there are none. Without
-    them friction is the plainest, and encoders have no zeros: what was chosen with such a log need not suit the others.
+def odd_log(found: RecordedEstimate) -> str | None:
+    """Of whole logs that were held out those without which the others predict one another far better, in a sentence
+    without a full stop; None where there are none. Without them friction is the plainest, and encoders have no zeros:
+    what was chosen with such a log need not suit the others.
     """
     yardstick, chosen = found.chosen.yardstick, found.equations
     if yardstick.by != "logs":
@@ -25,11 +25,12 @@ def odd_log(found: RecordedEstimate) -> tuple[str, float, float] | None:
     for odd, fold in enumerate(yardstick.folds):
         numbers = [number for number in range(len(yardstick.folds)) if number != odd]
         others = replace(yardstick, folds=tuple(yardstick.folds[number] for number in numbers))
-        without = others.judged(plain, [plain.without(number, odd) for number in numbers]).relative
-        parts = [part for part in found.held_out.parts if part.fold != odd]
-        beside = np.sqrt(
-            sum(part.squares.sum() for part in parts) / max(sum(part.whole.sum() for part in parts), 1e-300)
-        )
-        errors.append((", ".join(found.names[log] for log in fold.logs), without, float(beside)))
-    least = min(errors, key=lambda each: each[1])
-    return least if np.isfinite(least[1]) and least[1] < SPOILS * least[2] else None
+        held = others.judged(plain, [plain.without(number, odd) for number in numbers])
+        errors.append((held.relative, found.held_out.without(odd), ", ".join(found.names[log] for log in fold.logs)))
+    without, beside, name = min(errors)
+    if not (np.isfinite(without) and without < SPOILS * beside):
+        return None
+    return (
+        f"{name} contradicts the other logs, which predict one another to {without:.1%} without it, to {beside:.1%} "
+        "with it: leave it out, or see what is wrong"
+    )

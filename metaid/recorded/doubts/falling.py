@@ -1,0 +1,44 @@
+"""Torques that fall as a joint moves faster, as with no friction: what a drive logs is not all that it sends."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from metaid.models import Array
+from metaid.recorded.doubts.conventions import LOST, NAMED, WRONG, Check
+from metaid.recorded.doubts.scales import KNOWN
+
+
+def falling_torques(check: Check, usual: Array) -> NDArray[np.bool_]:
+    """Which joints (njoint) friction would drive once they are fast, though it holds them while they are slow, where a
+    model that may have such friction explains far better than what is left of the `usual` (njoint).
+    """
+    equations, free = check.equations, check.free
+    model, values = equations.model, equations.solved[0].values
+    falling = ~(model.untrusted | model.passive | equations.held)
+    falling &= (usual >= WRONG) & (free < np.minimum(NAMED * usual, LOST))
+    if not falling.any():
+        return falling
+    covariance = equations.covariance(values)
+    for joint in np.flatnonzero(falling).tolist():
+        slow, fast = np.zeros(len(values)), np.zeros(len(values))
+        slow[model.columns["coulomb", joint]] = fast[model.columns["coulomb", joint]] = 1.0
+        fast[model.columns["viscous", joint]] = check.fastest[joint]
+        holds, drives = (row @ values / np.sqrt(row @ covariance @ row) for row in (slow, -fast))
+        falling[joint] = holds > KNOWN and drives > KNOWN
+    return falling
+
+
+def named_as_falling(check: Check, falling: NDArray[np.bool_]) -> tuple[str, str]:
+    """Those joints in a sentence without a full stop, and the option that fits nothing to their torques."""
+    model, values = check.equations.model, check.equations.solved[0].values
+    names = np.array(model.joints)[falling].tolist()
+    slopes = [f"{-values[model.columns['viscous', joint]]:.2g}" for joint in np.flatnonzero(falling).tolist()]
+    unit = "N m s, of slides N s/m" if model.slides[falling].any() else "N m s"
+    option = f"--untrusted {','.join(names)}"
+    text = (
+        f"the torque of joint {', '.join(names)} falls as it moves faster, by {', '.join(slopes)} {unit}, as with no "
+        f"friction: a drive that cancels friction may send more than it logs; {option} fits nothing to it"
+    )
+    return text, option
