@@ -398,6 +398,15 @@ def test_broken_sensor_is_refused() -> None:
             read(change(clean()))
 
 
+def test_torques_that_a_controller_sends_in_steps_are_kept() -> None:
+    """Every tenth as large as the motor can, where what it follows jumps: that is no broken sensor."""
+    log = clean()
+    log.loc[log.index % 10 == 0, "torque_1"] += 30.0
+    record = read(log)
+    assert [(repair.kind, repair.text.partition(" ")[0]) for repair in record.repairs] == [("steps", "torque_1")]
+    np.testing.assert_array_equal(record.torques, log[["torque_1", "torque_2"]])
+
+
 def test_angles_that_were_cut_at_a_full_turn_go_on() -> None:
     """As of an encoder that says −π to π."""
     log = clean()

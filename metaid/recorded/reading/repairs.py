@@ -35,19 +35,22 @@ MOST_RESTS = 0.95  # of a log
 
 
 def tamed(readings: Readings) -> Readings:
-    """The same with each lone wild reading replaced by what its four neighbours say.  Raises RecordError where there
-    are too many.
+    """The same with each lone wild reading replaced by what its four neighbours say; where torques or speeds have many,
+    a controller sends them.  Raises RecordError where angles have too many.
     """
     for kind in ("angle", "speed", "torque"):
         read = getattr(readings, f"{kind}s")
         if read is None:
             continue
-        changed, found = read, {}
+        changed, found, kept = read, {}, {}
         for joint, name in enumerate(readings.names[kind]):
             rows = _wild(read[:, joint])
             if not len(rows):
                 continue
             if len(rows) > max(3.0, SELDOM * len(readings)):
+                if kind != "angle":
+                    kept[name] = rows
+                    continue
                 raise RecordError(
                     f"{readings.name}: {name} has {len(rows):,} wild readings, the first in row {rows[0] + 1} "
                     f"(allowed: one in {1.0 / SELDOM:.0f})"
@@ -63,6 +66,9 @@ def tamed(readings: Readings) -> Readings:
                 f"{counted(count, 'wild reading')} of {where} replaced by what its neighbours say, first in row {first}"
             )
             readings = replace(readings, **{f"{kind}s": changed}).repaired("wild", count, text)
+        if kept:
+            text = f"{', '.join(kept)} often far from readings before and after, as a controller's steps make it: kept"
+            readings = readings.repaired("steps", sum(map(len, kept.values())), text)
     return readings
 
 
