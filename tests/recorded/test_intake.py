@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -219,13 +220,28 @@ def arrays_of(log: pd.DataFrame) -> dict[str, np.ndarray]:
     }
 
 
-@pytest.mark.parametrize("how", ["step", "structure", "lying"])
+@pytest.mark.parametrize("how", ["step", "structure", "lying", "lists", "records", "lines"])
 def test_arrays_are_read_as_tables(how: str, tmp_path: Path) -> None:
-    """Of NumPy with the step alone, of MATLAB in a structure, or with a column a time; no numbers are passed by."""
-    log, path = clean(), tmp_path / ("run.npz" if how == "step" else "run.mat")
+    """Of NumPy with the step alone, of MATLAB in a structure, or with a column a time, of JSON in lists or in records;
+    no numbers are passed by.
+    """
+    endings = {"step": "npz", "lists": "json", "records": "json", "lines": "jsonl"}
+    log, path = clean(), tmp_path / f"run.{endings.get(how, 'mat')}"
     arrays, times = arrays_of(log), log["time"].to_numpy()
+    rows = [
+        {"time": time} | {name: each.tolist() for name, each in zip(arrays, row, strict=True)}
+        for time, *row in zip(times.tolist(), *arrays.values(), strict=True)
+    ]
     if how == "step":
         np.savez(path, **arrays, dt=0.005, mass=2.5, names=np.array(["a", "b"], dtype=object))
+    elif how == "lists":
+        path.write_text(
+            json.dumps({"log": {"t": times.tolist(), "robot": "two"} | {n: a.tolist() for n, a in arrays.items()}})
+        )
+    elif how == "records":
+        path.write_text(json.dumps({"robot": "two", "entries": rows}))
+    elif how == "lines":
+        path.write_text("\n".join(map(json.dumps, rows)))
     elif how == "structure":
         savemat(path, {"run": {"t": times, "note": "first", **arrays}})
     else:
@@ -243,6 +259,7 @@ def test_arrays_are_read_as_tables(how: str, tmp_path: Path) -> None:
         ("run.npz", b"hello", "no file of NumPy's arrays: File is not a zip file"),
         ("run.mat", b"hello", "no file of MATLAB's: Mat file appears to be truncated"),
         ("run.mat", b"MATLAB 7.3".ljust(124) + b"\x00\x02IM".ljust(400), "of MATLAB 7.3, which is not read (allowed: "),
+        ("run.json", b"{", "no JSON: Expecting property name"),
         ("run.mat", None, "No such file or directory (allowed: the path of a log)"),
     ],
 )

@@ -112,8 +112,8 @@ def estimate(
     whole: bool,
     as_json: bool,
 ) -> int:
-    """Identify a robot from logs of its motion. Each is a run, as CSV, Parquet, .mat, .npz or a ROS bag: a time, and of
-    each joint angle, torque and perhaps speed. `double-pendulum` is three. Exit status 3: not found.
+    """Identify a robot from logs of its motion. Each is a run, as CSV, Parquet, .mat, .npz, .json or a ROS bag: a time,
+    and of each joint angle, torque and perhaps speed. `double-pendulum` is three. Exit status 3: not found.
     """
     from metaid.exporting import SUFFIXES
     from metaid.recorded import estimate as estimated

@@ -1,11 +1,13 @@
-"""Files of named arrays, of NumPy (`.npz`) or MATLAB (`.mat`), as frames: a row a time, and a column a joint.
+"""Files of named arrays, of NumPy (`.npz`), MATLAB (`.mat`) or JSON, as frames: a row a time, and a column a joint.
 
 An array that has a row for each time is as many columns as it has, `q` is `q_1`, `q_2` and so on; one that lies is
-turned. Where no array holds the times, a number that is called as a step or a rate makes them.
+turned. Where no array holds the times, a number that is called as a step or a rate makes them. JSON may have records,
+one a time, too.
 """
 
 from __future__ import annotations
 
+import json
 import zipfile
 import zlib
 from collections import Counter
@@ -20,7 +22,7 @@ from numpy.typing import NDArray
 
 from metaid.errors import RecordError, first_of
 
-ARRAYS = (".npz", ".mat")
+ARRAYS = (".npz", ".mat", ".json", ".jsonl")
 CLOCKS = ("t", "time", "times", "timestamp", "timestamps")
 STEPS, RATES = ("dt", "ts", "period"), ("fs", "rate")
 FEWEST = 10  # numbers in the longer direction of an array that may be a table
@@ -31,7 +33,11 @@ Named = dict[str, NDArray[Any]]
 
 def arrays_frame(path: Path) -> pd.DataFrame:
     """The frame that a file of arrays makes.  Raises RecordError where none has a row for each time."""
-    every = dict(_numeric(_numpy(path) if path.suffix == ".npz" else _matlab(path)))
+    read = {".npz": _numpy, ".mat": _matlab}.get(path.suffix, _json)
+    found = read(path)
+    while len(found) == 1 and isinstance(alone := next(iter(found.values())), dict):
+        found = alone
+    every = dict(_numeric(found))
     tables = {name: np.atleast_2d(np.squeeze(each)) for name, each in every.items()}
     tables = {name: table for name, table in tables.items() if table.ndim == 2 and max(table.shape) >= FEWEST}
     if not tables:
@@ -73,10 +79,35 @@ def _matlab(path: Path) -> dict[str, Any]:
         raise RecordError(f"{path}: of MATLAB 7.3, which is not read (allowed: save with '-v7')") from None
     except (matlab.MatReadError, zlib.error, TypeError, KeyError) as problem:
         raise RecordError(f"{path}: no file of MATLAB's: {problem}") from None
-    found = {name: each for name, each in found.items() if not name.startswith("__")}
-    while len(found) == 1 and isinstance(alone := next(iter(found.values())), dict):
-        found = alone
-    return found
+    return {name: each for name, each in found.items() if not name.startswith("__")}
+
+
+def _json(path: Path) -> dict[str, Any]:
+    text = path.read_text(encoding="utf-8")
+    lines = text.strip().splitlines() if path.suffix == ".jsonl" else [text]
+    try:
+        found = [json.loads(line) for line in lines]
+    except json.JSONDecodeError as problem:
+        raise RecordError(f"{path}: no JSON: {problem}") from None
+    return _by_name(found if path.suffix == ".jsonl" else found[0])
+
+
+def _by_name(found: Any) -> dict[str, Any]:
+    """The arrays in what was read of JSON, those of records by the names that these have."""
+    if isinstance(found, list):
+        records = [each for each in found if isinstance(each, dict)]
+        names = dict.fromkeys(name for each in records for name in each)
+        return _by_name({name: [each.get(name) for each in records] for name in names})
+    arrays: dict[str, Any] = {}
+    for name, value in found.items() if isinstance(found, dict) else ():
+        if isinstance(value, dict):
+            arrays[name] = _by_name(value)
+        elif isinstance(value, list) and any(isinstance(each, dict) for each in value):
+            arrays |= _by_name(value)
+        else:
+            with suppress(ValueError, TypeError):  # of words, or of rows that are not as long
+                arrays[name] = np.asarray(value, dtype=np.float64)
+    return arrays
 
 
 def _numeric(values: dict[str, Any], within: str = "") -> Iterator[tuple[str, NDArray[Any]]]:
