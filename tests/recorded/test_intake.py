@@ -131,6 +131,16 @@ def test_column_that_the_user_names_goes_before_one_that_is_understood() -> None
     np.testing.assert_array_equal(record.torques, clean()[["torque_1", "torque_2"]])
 
 
+def test_columns_of_other_joints_are_passed_by_where_the_user_names_all() -> None:
+    """As of a gripper, whose number is one of them."""
+    log = clean().rename(columns={"angle_1": "q1", "angle_2": "q3", "torque_1": "u1", "torque_2": "u3"})
+    log = log.assign(q2=0.0, u2=0.0).drop(columns=["speed_1", "speed_2"])
+    with pytest.raises(RecordError, match="column 'q3' is of no joint"):
+        read(log)
+    named = {"q1": "angle_1", "q3": "angle_2", "u1": "torque_1", "u3": "torque_2"}
+    np.testing.assert_array_equal(read(log, columns=named).angles, read(clean()).angles)
+
+
 def test_words_of_a_log_stand_for_joints_that_have_but_numbers() -> None:
     """In the order of the columns; where these are not of all joints, no word stands for any."""
     log = clean().rename(columns=lambda name: name.replace("_1", "_shoulder").replace("_2", "_elbow"))
@@ -166,10 +176,12 @@ def test_column_of_no_joint_is_refused_in_its_own_spelling() -> None:
     """As where some joints of a robot are estimated, and the log numbers all of them."""
     log = clean()
     log = log.set_axis([name.replace("angle", "position") for name in log], axis=1).assign(position_3=0.0)
-    said = r"column 'position_3' is of no joint \(allowed: position_1 to position_2, or named as position_j2\)"
+    said = (
+        r"'position_3' is of no joint \(allowed: position_1 to position_2, or named as position_j2; or --map of all\)"
+    )
     with pytest.raises(RecordError, match=said):
         intake(("j2", "j4")).read(log)
-    odd = r"position_3' is of no joint \(allowed: position_1 to position_2, or named as position_\\1\)"
+    odd = r"position_3' is of no joint \(allowed: position_1 to position_2, or named as position_\\1; or --map of all\)"
     with pytest.raises(RecordError, match=odd):
         intake(("\\1", "j4")).read(log)
 

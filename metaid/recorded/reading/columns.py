@@ -207,6 +207,8 @@ def _of_kind(
         base = 0 if 0 in numbered else 1
         by_number = {number - base: column for number, column in numbered.items() if number is not None}
         found = named if len(named) >= len({*by_number} & {*range(njoint)}) and named else by_number
+        if len(said) == njoint:
+            found = said  # whatever else there is
         found_by_number = found is by_number and bool(by_number)
         found = found | said
         if not found:
@@ -215,7 +217,9 @@ def _of_kind(
             column = by_number[max(by_number)]
             first, last, by_name = (_of_joint(column, each) for each in (base, base + njoint - 1, joints[0]))
             by_name = "" if joints[0].isdigit() else f", or named as {by_name}"
-            raise RecordError(f"{table.name}: column '{column}' is of no joint (allowed: {first} to {last}{by_name})")
+            raise RecordError(
+                f"{table.name}: column '{column}' is of no joint (allowed: {first} to {last}{by_name}; or --map of all)"
+            )
         missing = [joint for joint in range(njoint) if joint not in found]
         if missing and kind in ("angle", "speed"):
             own_name = str(missing[0] + 1) if found_by_number else joints[missing[0]]
