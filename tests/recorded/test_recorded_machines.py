@@ -218,6 +218,12 @@ def test_runs_that_begin_at_other_times_are_simulated_alike() -> None:
     assert (held.angle < 0.2 * held.constant_speed).all()
 
 
+def runs(extra: Callable[[Array], Array] | None = None) -> list[Record]:
+    """Three logs of other motions."""
+    logs = [log_of(swinging_arm(), noise=1e-5, extra=extra, seconds=2.0, seed=seed) for seed in range(3)]
+    return [replace(log, name=f"run{number}") for number, log in enumerate(logs)]
+
+
 def turned(record: Record) -> Record:
     return record.with_torques(record.torques * np.array([1.0, -1.0, 1.0]))
 
@@ -253,20 +259,20 @@ def test_fact_that_is_wrong_is_named_with_what_mends_it(spoil: Callable[[Record]
 
 @pytest.mark.parametrize(("cancelled", "named"), [((0.0, 3.0, 1.5), True), ((0.0, 0.2, 0.1), False)])
 def test_torque_that_falls_with_speed_as_no_friction_does_is_named(cancelled: tuple[float, ...], named: bool) -> None:
-    """As of a real arm whose drives cancel friction beside what they log; not where friction falls and still holds."""
-    record = arm_log(lambda speeds: DRY * np.sign(speeds) - np.array(cancelled) * speeds)
-    found = estimated(record)
+    """As of a real arm whose drives cancel friction beside what they log, and no log is blamed; not where friction
+    falls and still holds.
+    """
+    records = runs(lambda speeds: DRY * np.sign(speeds) - np.array(cancelled) * speeds)
+    found = estimated(*records)
     joints = found.model.joints
-    said = [fact.option for fact in facts_of([record], found)]
+    said = [fact.option for fact in facts_of(records, found)]
     assert said == ([f"--untrusted {joints[1]},{joints[2]}"] if named else [])
 
 
 @pytest.mark.parametrize("lost", [0.0, 0.8])
 def test_log_that_contradicts_the_others_is_named_first(lost: float) -> None:
     """Of three runs one whose second encoder loses counts half way, as a real rotary pendulum's does."""
-    records = [
-        replace(log_of(swinging_arm(), noise=1e-5, seconds=2.0, seed=seed), name=f"run{seed}") for seed in range(3)
-    ]
+    records = runs()
     slipped = lost * (records[1].times > 1.0)[:, None] * np.array([0.0, 1.0, 0.0])
     records[1] = replace(records[1], angles=records[1].angles + slipped)
     facts = facts_of(records, estimated(*records))

@@ -9,13 +9,13 @@ import numpy as np
 from metaid.recorded.estimating import RecordedEstimate
 
 PLAIN = ("viscous", "coulomb")
-SPOILS = 0.5  # of the error with which the others are predicted: without the log it is less
+SPOILS = 0.5  # of the error with which the others are predicted with the log: without it they are to less
 
 
 def odd_log(found: RecordedEstimate) -> str | None:
     """Of whole logs that were held out those without which the others predict one another far better, in a sentence
-    without a full stop; None where there are none. Without them friction is the plainest, and encoders have no zeros:
-    what was chosen with such a log need not suit the others.
+    without a full stop; None where there are none. Friction is the plainest then, and encoders have no zeros: what was
+    chosen with such a log need not suit the others. With it they are predicted so, or as the estimate does, if better.
     """
     yardstick, chosen = found.chosen.yardstick, found.equations
     if yardstick.by != "logs":
@@ -25,9 +25,13 @@ def odd_log(found: RecordedEstimate) -> str | None:
     for odd, fold in enumerate(yardstick.folds):
         numbers = [number for number in range(len(yardstick.folds)) if number != odd]
         others = replace(yardstick, folds=tuple(yardstick.folds[number] for number in numbers))
-        held = others.judged(plain, [plain.without(number, odd) for number in numbers])
-        errors.append((held.relative, found.held_out.without(odd), ", ".join(found.names[log] for log in fold.logs)))
-    without, beside, name = min(errors)
+        without, beside = (
+            others.judged(plain, [plain.without(number, *left_out) for number in numbers]).relative
+            for left_out in ((odd,), ())
+        )
+        beside = min(beside, found.held_out.without(odd))
+        errors.append((without, beside, ", ".join(found.names[log] for log in fold.logs)))
+    without, beside, name = min(errors, key=lambda each: each[0] / max(each[1], 1e-300))
     if not (np.isfinite(without) and without < SPOILS * beside):
         return None
     return (
