@@ -112,7 +112,7 @@ def measure(folder: Path, place: Path) -> Iterator[Table | Line]:
     classic = arm_model(arm.tree, CLASSIC).with_still(np.full(NJOINT, STILL))
     logs = [read_log(folder, number) for number in LOGS]
     first = metaid.estimate([frame for frame, _ in logs], urdf, friction=CLASSIC)
-    falls = first.facts[0].option.removeprefix("--untrusted ").split(",") if first.facts else []
+    falls = [name for fact in first.facts for name in fact.option.removeprefix("--untrusted ").split(",")]
     yield Table("Shanghai Electric, what is named first", [{"fact": fact.text} for fact in first.facts])
     found: dict[str, list[Missed]] = {}
     words = []
