@@ -16,23 +16,11 @@ import mujoco
 import numpy as np
 from scipy.io import loadmat
 
-import metaid
-from benchmarks.real.judging import Log, Missed, missed
+from benchmarks.real.judging import Log, missed
 from benchmarks.real.least_squares import instrumental, prepared
 from benchmarks.real.lines import Line, Table
-from benchmarks.real.printed import printed_and_measured, printed_line
-from benchmarks.real.torques import (
-    CLASSIC,
-    STILL,
-    YARDSTICK,
-    file_error,
-    nominal_error,
-    read_test,
-    recipes,
-    rivals,
-    row_of,
-    summed,
-)
+from benchmarks.real.printed import printed_line
+from benchmarks.real.torques import CLASSIC, STILL, YARDSTICK, Turn, in_turn, read_test, row_of
 from metaid.models import Array
 from metaid.plant import ArmPlant, load_plant
 from metaid.recorded import arm_model
@@ -46,6 +34,7 @@ STRAIGHT = np.array([0.0, -np.pi / 2, np.pi, 0.0, 0.0, 0.0])  # rad, of the join
 PAYLOAD, PAYLOAD_AT, FLANGE, FLANGE_AT = 150.0, 0.1, 17.78, -0.05  # kg and m
 CUTOFF = 7.5  # Hz, of instrumental variables
 MOST, MOST_BESIDE = 0.15, 1.1
+AUTHORS = "its authors' bodies, fitted friction"
 
 
 def counterbalance(angle: Array) -> Array:
@@ -128,37 +117,23 @@ def measure(folder: Path, place: Path) -> Iterator[Table | Line]:
     plain, arm = mujoco.MjModel.from_xml_path(str(xml)), load_plant(xml)
     assert isinstance(arm, ArmPlant)
     classic = arm_model(arm.tree, CLASSIC).with_still(np.full(6, STILL))
-    found: dict[str, list[Missed]] = {}
-    printed, words, best = [], [], []
+    turns = []
+    pairs = []
     for name, (left_out, _) in logs.items():
-        learned = [each for other, each in logs.items() if other != name]
-        test = read_test(left_out)
-        result = metaid.estimate([log.write(place) for log, _ in learned], xml)
-        words.append(result.verdict.word)
-        for ending in (".py", ".xml"):
-            path = place / f"kr300_without_{name}{ending}"
-            result.model.write(path)
-            found.setdefault(f"metaid, {ending}", []).append(file_error(path, [test]))
-            printed.append({"without": name} | printed_and_measured(result, path, [log for log, _ in learned]))
-        both = [read_test(log) for log, _ in learned]
-        found.setdefault("its authors' bodies, fitted friction", []).append(nominal_error(plain, both, [test]))
-        how, tuned = rivals({"classic terms": classic}, [log for log, _ in learned], [test])["classic terms"]
-        found.setdefault("least squares, the best filter and weights", []).append(tuned)
-        best.append(how)
-        for rival, each in recipes(classic, [log for log, _ in learned], [test]).items():
-            found.setdefault(rival, []).append(each)
-        values = instrumental(classic, [log for log, _ in learned], [asked for _, asked in learned], CUTOFF)
-        pair = test.pair(prepared(classic, test.motion).predicted(values))
-        found.setdefault(f"instrumental variables, {CUTOFF:g} Hz", []).append(missed([pair]))
-    every = {name: summed(each) for name, each in found.items()}
-    title = f"KR300, torque at {YARDSTICK} Hz, two logs to the third: {', '.join(words)}; best {'; '.join(best)}"
-    yield Table(title, [row_of(name, each) for name, each in every.items()])
-    yield Table("KR300, errors that are printed", printed)
-    yield printed_line("KR300", printed)
-    ours = every["metaid, .py"].relative
-    yield Line("KR300: torque by the .py", ours, MOST)
-    yield Line(
-        "KR300: .py beside the authors' bodies", ours / every["its authors' bodies, fitted friction"].relative, 1.0
+        learned, asked = zip(*(each for other, each in logs.items() if other != name), strict=True)
+        turns.append(Turn(name, [log.write(place) for log in learned], learned, read_test(left_out)))
+        values = instrumental(classic, learned, asked, CUTOFF)
+        test = turns[-1].test
+        pairs.append(test.pair(prepared(classic, test.motion).predicted(values)))
+    own = in_turn(turns, xml, place, (AUTHORS, plain), classic)
+    every = {**own.found, f"instrumental variables, {CUTOFF:g} Hz": missed(pairs)}
+    title = (
+        f"KR300, torque at {YARDSTICK} Hz, two logs to the third: {', '.join(own.words)}; best {'; '.join(own.best)}"
     )
-    tuned_best = every["least squares, the best filter and weights"].relative
-    yield Line("KR300: .py beside tuned least squares", ours / tuned_best, MOST_BESIDE)
+    yield Table(title, [row_of(name, each) for name, each in every.items()])
+    yield Table("KR300, errors that are printed", list(own.printed))
+    yield printed_line("KR300", own.printed)
+    ours = own.found["metaid, .py"].relative
+    yield Line("KR300: torque by the .py", ours, MOST)
+    yield Line("KR300: .py beside the authors' bodies", ours / own.found[AUTHORS].relative, 1.0)
+    yield Line("KR300: .py beside tuned least squares", own.beside, MOST_BESIDE)

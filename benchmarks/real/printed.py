@@ -36,9 +36,10 @@ def judged_rows(log: Log, motion: Motion) -> Rows:
 
 
 def printed_and_measured(result: Any, path: Path, logs: Sequence[Log]) -> dict[str, Any]:
-    """Of a file of a RecordedResult, written at `path`, and the logs that it is of."""
+    """Of a file of a RecordedResult, written at `path`, and the logs that it is of; torques that are not used apart."""
     said = result.error_of(path)
     summary = result.summary
+    used = [joint["of"] > 0.0 for joint in summary["held_out"]["torque"]["joints"]]
     cutoff, delay = summary["window"]["cutoff_hz"], summary["delay"]
     pairs = []
     for log, about in zip(logs, summary["logs"], strict=True):
@@ -46,7 +47,7 @@ def printed_and_measured(result: Any, path: Path, logs: Sequence[Log]) -> dict[s
         predicted = low_pass(file_torques(path, motion.with_zeros(np.array(about["zeros"]))), cutoff, motion.period)
         sent = np.stack([np.interp(motion.times - delay, motion.times, each) for each in motion.torques.T], axis=1)
         rows = judged_rows(log, motion)
-        pairs.append((predicted[rows], sent[rows]))
+        pairs.append((predicted[rows][:, used], sent[rows][:, used]))
     own = missed(pairs).relative
     return {"file": path.suffix, "printed": said.relative, "measured": own, "ratio": said.relative / own}
 

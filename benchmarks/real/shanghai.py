@@ -9,6 +9,7 @@ drawing, in modified Denavit-Hartenberg frames.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -18,24 +19,15 @@ import pandas as pd
 import metaid
 from benchmarks.real.judging import Log, Missed
 from benchmarks.real.lines import Line, Table
-from benchmarks.real.torques import (
-    CLASSIC,
-    STILL,
-    YARDSTICK,
-    file_error,
-    nominal_error,
-    read_test,
-    recipes,
-    rivals,
-    row_of,
-    summed,
-)
+from benchmarks.real.printed import printed_line
+from benchmarks.real.torques import CLASSIC, STILL, YARDSTICK, Turn, in_turn, read_test, row_of
 from metaid.models import Array
 from metaid.plant import ArmPlant, load_plant
 from metaid.recorded import arm_model
 
 REPOSITORY = "robot_identification"  # of Naruton94
 LOGS, NJOINT, JUDGED = (1, 2, 3), 6, 3
+FALLING = ("joint4", "joint5", "joint6")
 PERIOD, HELD = 0.002, 3  # s between rows, of which so many are of one reading
 GEAR, COUNT = 101.0, np.repeat([3.442383e-4, 1.342773e-4], 3)  # N m in a count, at the motor
 SIGNS = np.array([1.0, 1.0, -1.0, 1.0, 1.0, 1.0])
@@ -110,33 +102,22 @@ def measure(folder: Path, place: Path) -> Iterator[Table | Line]:
     arm, plain = load_plant(urdf), mujoco.MjModel.from_xml_path(str(urdf))
     assert isinstance(arm, ArmPlant)
     classic = arm_model(arm.tree, CLASSIC).with_still(np.full(NJOINT, STILL))
-    logs = [read_log(folder, number) for number in LOGS]
-    first = metaid.estimate([frame for frame, _ in logs], urdf, friction=CLASSIC)
-    falls = [name for fact in first.facts for name in fact.option.removeprefix("--untrusted ").split(",")]
+    logs = {f"log {number}": read_log(folder, number) for number in LOGS}
+    first = metaid.estimate([frame for frame, _ in logs.values()], urdf, friction=CLASSIC)
     yield Table("Shanghai Electric, what is named first", [{"fact": fact.text} for fact in first.facts])
-    found: dict[str, list[Missed]] = {}
-    words = []
-    for number, (_, other) in enumerate(logs):
-        rest = [each for i, each in enumerate(logs) if i != number]
-        learned, test = [log for _, log in rest], read_test(other)
-        result = metaid.estimate([frame for frame, _ in rest], urdf, untrusted=falls)
-        words.append(result.verdict.word)
-        path = place / f"shanghai_{number}.py"
-        result.model.write(path)
-        found.setdefault("metaid, .py", []).append(file_error(path, [test]))
-        nominal_own = nominal_error(plain, [read_test(log) for log in learned], [test])
-        found.setdefault("the authors' bodies as they are, and fitted friction", []).append(nominal_own)
-        least = rivals({"": classic}, learned, [test])[""][1]
-        found.setdefault("least squares, the best filter and weights", []).append(least)
-        for rival, each in recipes(classic, learned, [test]).items():
-            found.setdefault(rival, []).append(each)
-    every = {name: _judged(summed(each)) for name, each in found.items()}
-    title = f"Shanghai Electric, torque at {YARDSTICK} Hz, from two logs to the third: {', '.join(words)}"
-    yield Table(title, [row_of(name, each) for name, each in every.items()])
-    beside = every["metaid, .py"].relative / every["least squares, the best filter and weights"].relative
+    named = any(fact.option == f"--untrusted {','.join(FALLING)}" for fact in first.facts)
+    yield Line("Shanghai Electric: joints whose torques fall are named", float(named), 1.0, at_least=True)
+    turns = []
+    for name, (_, left_out) in logs.items():
+        given, learned = zip(*(each for other, each in logs.items() if other != name), strict=True)
+        turns.append(Turn(name, given, learned, read_test(left_out)))
+    own = in_turn(
+        turns, urdf, place, ("the authors' bodies as they are, fitted friction", plain), classic, untrusted=FALLING
+    )
+    judged = {name: Missed(each.squares[:JUDGED], each.whole[:JUDGED]) for name, each in own.found.items()}
+    title = f"Shanghai Electric, torque at {YARDSTICK} Hz, from two logs to the third: {', '.join(own.words)}"
+    yield Table(title, [row_of(name, each) for name, each in judged.items()])
+    yield Table("Shanghai Electric, errors that are printed", list(own.printed))
+    yield printed_line("Shanghai Electric", own.printed)
+    beside = replace(own, found=judged).beside
     yield Line("Shanghai Electric: .py beside tuned least squares", beside, MOST_BESIDE)
-
-
-def _judged(missed: Missed) -> Missed:
-    """That of the joints whose torques are what their motors send."""
-    return Missed(missed.squares[:JUDGED], missed.whole[:JUDGED])

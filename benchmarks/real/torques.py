@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+import metaid
 from benchmarks.real.judging import (
     ANGLES,
     Log,
@@ -34,6 +35,7 @@ from metaid.recorded import LinearModel
 YARDSTICK = 7.5  # Hz
 CUTOFFS = (3.0, 5.0, 7.5, 10.0, 20.0)  # Hz
 CLASSIC = ("viscous", "coulomb", "offset")
+TUNED = "least squares, the best filter and weights"
 MOST_BESIDE, LEAST_OF_MEASURED = 1.0, 0.6
 STILL = 0.02  # rad/s, below which dry friction is a share of its whole
 
@@ -138,12 +140,72 @@ def compared(
     for name, model in bodies.items():
         found[f"{name} and fitted friction"] = nominal_error(model, [read_test(log) for log in runs], tests)
     how, least = rivals({"": classic}, runs, tests)[""]
-    found |= {"least squares, the best filter and weights": least} | recipes(classic, runs, tests)
+    found |= {TUNED: least} | recipes(classic, runs, tests)
     ours, said = found["metaid, .py"].relative, result.summary["held_out"]["torque"]["relative"]
     title = f"{machine}, torque at {YARDSTICK} Hz, {run}: {result.verdict.word}, said {said:.1%}; {how}"
     yield Table(title, [row_of(name, each) for name, each in found.items()])
     yield Line(f"{machine}: .py beside tuned least squares, {run}", ours / least.relative, MOST_BESIDE)
     yield Line(f"{machine}: error that is said beside it, {run}", said / ours, LEAST_OF_MEASURED, at_least=True)
+
+
+@dataclass(frozen=True)
+class Turn:
+    """What is predicted, and the logs that are learned for it: as metaid is `given` them, and as readings of joints."""
+
+    name: str
+    given: Sequence[Any]
+    learned: Sequence[Log]
+    test: Test
+
+
+@dataclass(frozen=True)
+class InTurn:
+    """Of all turns together what each model missed, the errors that were printed of files, the verdicts, and which
+    least squares were best.
+    """
+
+    found: Mapping[str, Missed]
+    printed: Sequence[dict[str, Any]]
+    words: Sequence[str]
+    best: Sequence[str]
+
+    @property
+    def beside(self) -> float:
+        """The error of metaid's `.py` as a share of that of tuned least squares."""
+        return self.found["metaid, .py"].relative / self.found[TUNED].relative
+
+
+def in_turn(
+    turns: Sequence[Turn], nominal: Path, place: Path, bodies: tuple[str, Any], classic: LinearModel, **asked: Any
+) -> InTurn:
+    """How well each of several logs, or parts of one, is predicted by what is learned of the others.
+
+    Args:
+        turns: one for each.
+        nominal: what metaid is given as such.
+        place: where its files are written.
+        bodies: nominal ones beside which friction is fitted, after what they are called.
+        classic: the terms of least squares.
+        asked: of metaid, beside that.
+    """
+    parts: dict[str, list[Missed]] = {}
+    printed, words, best = [], [], []
+    for turn in turns:
+        result = metaid.estimate(turn.given, nominal, **asked)
+        words.append(result.verdict.word)
+        each: dict[str, Missed] = {}
+        for ending in (".py", ".xml"):
+            path = place / f"{nominal.stem}_{turn.name}{ending}"
+            result.model.write(path)
+            each[f"metaid, {ending}"] = file_error(path, [turn.test])
+            printed.append({"predicted": turn.name} | printed_and_measured(result, path, turn.learned))
+        name, model = bodies
+        each[name] = nominal_error(model, [read_test(log) for log in turn.learned], [turn.test])
+        how, each[TUNED] = rivals({"": classic}, turn.learned, [turn.test])[""]
+        best.append(how)
+        for own, missing in (each | recipes(classic, turn.learned, [turn.test])).items():
+            parts.setdefault(own, []).append(missing)
+    return InTurn({name: summed(each) for name, each in parts.items()}, printed, words, best)
 
 
 def row_of(name: str, found: Missed) -> dict[str, str]:

@@ -14,22 +14,10 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-import metaid
-from benchmarks.real.judging import Log, Missed
+from benchmarks.real.judging import Log
 from benchmarks.real.lines import Line, Table
-from benchmarks.real.printed import printed_and_measured, printed_line
-from benchmarks.real.torques import (
-    CLASSIC,
-    STILL,
-    YARDSTICK,
-    file_error,
-    nominal_error,
-    read_test,
-    recipes,
-    rivals,
-    row_of,
-    summed,
-)
+from benchmarks.real.printed import printed_line
+from benchmarks.real.torques import CLASSIC, STILL, YARDSTICK, Turn, in_turn, read_test, row_of
 from benchmarks.real.urdf import bare_urdf
 from metaid.plant import ArmPlant, load_plant
 from metaid.recorded import arm_model
@@ -62,31 +50,15 @@ def measure(folder: Path, place: Path) -> Iterator[Table | Line]:
     assert isinstance(arm, ArmPlant)
     classic = arm_model(arm.tree, CLASSIC).with_still(np.full(NJOINT, STILL))
     thirds = np.array_split(np.arange(len(log.times)), THIRDS)
-    found: dict[str, list[Missed]] = {}
-    printed, words, best = [], [], []
-    for number, rows in enumerate(thirds):
+    turns = []
+    for number, rows in enumerate(thirds, 1):
         outside = [log.rows(np.arange(rows[0])), log.rows(np.arange(rows[-1] + 1, len(log.times)))]
-        learned, test = [run for run in outside if len(run.times)], read_test(log.rows(rows))
-        result = metaid.estimate([run.frame for run in learned], urdf)
-        words.append(result.verdict.word)
-        for ending in (".py", ".xml"):
-            path = place / f"ur10_{number}{ending}"
-            result.model.write(path)
-            found.setdefault(f"metaid, {ending}", []).append(file_error(path, [test]))
-            printed.append({"third": number + 1} | printed_and_measured(result, path, learned))
-        nominal = nominal_error(plain, [read_test(run) for run in learned], [test])
-        found.setdefault("URDF and fitted friction", []).append(nominal)
-        how, tuned = rivals({"classic terms": classic}, learned, [test])["classic terms"]
-        found.setdefault("least squares, the best filter and weights", []).append(tuned)
-        best.append(how)
-        for rival, each in recipes(classic, learned, [test]).items():
-            found.setdefault(rival, []).append(each)
-    every = {name: summed(each) for name, each in found.items()}
-    title = f"UR10, torque at {YARDSTICK} Hz, thirds held out: {', '.join(words)}; best {'; '.join(best)}"
-    yield Table(title, [row_of(name, each) for name, each in every.items()])
-    yield Table("UR10, errors that are printed", printed)
-    yield printed_line("UR10", printed)
-    ours = every["metaid, .py"].relative
-    yield Line("UR10: torque by the .py", ours, MOST)
-    tuned_best = every["least squares, the best filter and weights"].relative
-    yield Line("UR10: .py beside tuned least squares", ours / tuned_best, MOST_BESIDE)
+        learned = [run for run in outside if len(run.times)]
+        turns.append(Turn(f"third {number}", [run.frame for run in learned], learned, read_test(log.rows(rows))))
+    own = in_turn(turns, urdf, place, ("URDF and fitted friction", plain), classic)
+    title = f"UR10, torque at {YARDSTICK} Hz, thirds held out: {', '.join(own.words)}; best {'; '.join(own.best)}"
+    yield Table(title, [row_of(name, each) for name, each in own.found.items()])
+    yield Table("UR10, errors that are printed", list(own.printed))
+    yield printed_line("UR10", own.printed)
+    yield Line("UR10: torque by the .py", own.found["metaid, .py"].relative, MOST)
+    yield Line("UR10: .py beside tuned least squares", own.beside, MOST_BESIDE)
