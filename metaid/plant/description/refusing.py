@@ -40,8 +40,7 @@ def moving_joints(source: str, model: mujoco.MjModel, wanted: Sequence[str] | No
                 f"joint '{name}' is {kind} (allowed: {', '.join(allowed)})" if kind else unknown("joint", name, allowed)
             )
             raise PlantError(f"{source}: joints: {met}")
-    every = tuple(i for i, name in enumerate(names) if wanted is None or name in wanted)
-    joints = _trunk(model) or every if wanted is None else every
+    joints = _trunk(model) if wanted is None else tuple(i for i, name in enumerate(names) if name in wanted)
     for joint in joints:
         kind = kinds.get(types[joint])
         if kind:
@@ -65,17 +64,17 @@ def _longest(model: mujoco.MjModel) -> list[str]:
 
 
 def _trunk(model: mujoco.MjModel) -> tuple[int, ...]:
-    """The numbers of the joints from the base to where the longest series of a file part; none where a branch that
-    leaves them has more than half as many, or they are all in series, or one is no hinge and no slide.
+    """The numbers of the joints from the base to where the longest series of a file part; of all where a branch that
+    leaves them has more than half as many, or one is no hinge and no slide.
     """
-    series = _series(model)
-    if len({joint for each in series for joint in each}) < model.njnt:
-        return ()
+    series, every = _series(model), tuple(range(model.njnt))
+    if len({joint for each in series for joint in each}) < len(every):
+        return every
     longest = max(map(len, series), default=0)
     alike = [each for each in series if len(each) == longest]
     trunk = tuple(joints[0] for joints in takewhile(lambda joints: len(set(joints)) == 1, zip(*alike, strict=True)))
     branches = [len(set(each) - set(trunk)) for each in series]
-    return trunk if 0 < 2 * max(branches, default=0) <= len(trunk) else ()
+    return trunk if 2 * max(branches, default=0) <= len(trunk) else every
 
 
 def _series(model: mujoco.MjModel) -> list[tuple[int, ...]]:

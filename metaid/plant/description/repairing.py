@@ -83,8 +83,8 @@ def possible_inertia(inertia: Array) -> Array:
 
 
 def _possible(body: mujoco.MjsBody, least: float) -> str:
-    """Mends the inertia of a body where it is impossible; what was done, unless that is rounding, or the inertia is
-    below the `least` that is worth a word, in kg m².
+    """Mends the inertia of a body where it is impossible; what was done, unless the change is rounding, or below the
+    `least` that is worth a word, in kg m².
     """
     inertia = _inertia(body)
     if not inertia.any() or not np.abs(inertia).max() <= LARGEST:
