@@ -74,9 +74,7 @@ class HeldOut:
 
     def without(self, fold: int) -> float:
         """The same of all folds but one."""
-        parts = [part for part in self.parts if part.fold != fold]
-        whole = sum(float(part.whole.sum()) for part in parts)
-        return float(np.sqrt(sum(float(part.squares.sum()) for part in parts) / max(whole, 1e-300)))
+        return _relative([part for part in self.parts if part.fold != fold])
 
     @property
     def by_joint(self) -> Array:
@@ -325,12 +323,14 @@ class _Predicted:
     @property
     def folds(self) -> Array:
         """The relative error of each fold (nfold)."""
-        errors = []
-        for fold in sorted({part.fold for part in self.parts}):
-            own = [part for part in self.parts if part.fold == fold]
-            whole = sum(part.whole.sum() for part in own)
-            errors.append(float(np.sqrt(sum(part.squares.sum() for part in own) / max(whole, 1e-300))))
-        return np.array(errors)
+        numbers = sorted({part.fold for part in self.parts})
+        return np.array([_relative([part for part in self.parts if part.fold == number]) for number in numbers])
+
+
+def _relative(parts: Sequence[Part]) -> float:
+    """The error of some parts together, as a share of what the torques are."""
+    whole = sum(float(part.whole.sum()) for part in parts)
+    return float(np.sqrt(sum(float(part.squares.sum()) for part in parts) / max(whole, 1e-300)))
 
 
 def _simulated(

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from metaid.recorded.choosing import BASE
 from metaid.recorded.estimating import RecordedEstimate
 
-PLAIN = ("viscous", "coulomb")
 SPOILS = 0.5  # of the error with which the others are predicted with the log: without it they are to less
 
 
@@ -20,7 +20,7 @@ def odd_log(found: RecordedEstimate) -> str | None:
     yardstick, chosen = found.chosen.yardstick, found.equations
     if yardstick.by != "logs":
         return None
-    plain = replace(chosen.with_model(chosen.model.with_friction(PLAIN)), zeros=False)
+    plain = replace(chosen.with_model(chosen.model.with_friction(BASE)), zeros=False)
     errors = []
     for odd, fold in enumerate(yardstick.folds):
         numbers = [number for number in range(len(yardstick.folds)) if number != odd]

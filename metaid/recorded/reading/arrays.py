@@ -21,9 +21,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from metaid.errors import RecordError, first_of
+from metaid.recorded.reading.times import CLOCKS
 
 ARRAYS = (".npz", ".mat", ".json", ".jsonl")
-CLOCKS = ("t", "time", "times", "timestamp", "timestamps")
 STEPS, RATES = ("dt", "ts", "period"), ("fs", "rate")
 FEWEST = 10  # numbers in the longer direction of an array that may be a table
 MOST_NAMED = 8
@@ -43,7 +43,7 @@ def arrays_frame(path: Path) -> pd.DataFrame:
     if not tables:
         names = first_of(list(every), MOST_NAMED) if every else "none"
         raise RecordError(f"{path}: no array has a row for each time, among {names} (allowed: arrays as t, q, tau)")
-    times = [table.size for name, table in tables.items() if _called(name) in CLOCKS and 1 in table.shape]
+    times = [table.size for name, table in tables.items() if _last_word(name) in CLOCKS and 1 in table.shape]
     count = times[0] if times else Counter(max(table.shape) for table in tables.values()).most_common(1)[0][0]
     columns: Named = {}
     for name, table in tables.items():
@@ -123,11 +123,11 @@ def _steps(every: Named) -> Iterator[float]:
     """The steps between two rows, in s, that numbers are called."""
     for name, each in every.items():
         if each.size == 1 and (number := float(each.flat[0])) > 0.0:
-            if _called(name) in STEPS:
+            if _last_word(name) in STEPS:
                 yield number
-            if _called(name) in RATES:
+            if _last_word(name) in RATES:
                 yield 1.0 / number
 
 
-def _called(name: str) -> str:
+def _last_word(name: str) -> str:
     return name.lower().rpartition("_")[2]

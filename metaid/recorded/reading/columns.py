@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from metaid.errors import RecordError, unknown
 from metaid.recorded.reading.formats import Table
 from metaid.recorded.reading.readings import Repair
-from metaid.recorded.reading.times import SPELLED
+from metaid.recorded.reading.times import CLOCKS, SPELLED
 
 KINDS = ("angle", "speed", "torque")
 WORDS = {
@@ -31,7 +31,6 @@ PLAIN = {
     *("robot", "arm", "actual", "act", "meas", "measured", "msr", "fb", "feedback", "read", "raw"),
     *("rad", "s", "sec", "nm", "n", "m"),
 }
-CLOCKS = ("time", "t", "timestamp", "stamp", "times", "clock", "elapsed", "epoch")
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from metaid.errors import RecordError
 from metaid.models import Array
 from metaid.recorded.reading.readings import Readings, counted
 
+CLOCKS = ("time", "t", "timestamp", "stamp", "times", "timestamps", "clock", "elapsed", "epoch")
 UNITS = {"s": 1.0, "ms": 1e-3, "µs": 1e-6, "ns": 1e-9}
 SPELLED = {
     **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), "s"),
