@@ -1,0 +1,137 @@
+"""Which column is what is understood, or said by the user; what was understood is told."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from metaid.errors import RecordError
+from tests.clean_logs import clean, intake, kinds, read
+
+SPELLED: dict[str, tuple[dict[str, str], list[str]]] = {
+    "DFKI": ({"time": "time", "angle_": "pos_meas", "speed_": "vel_meas", "torque_": "tau_meas"}, ["1", "2"]),
+    "short": ({"time": "t", "angle_": "q", "speed_": "dq", "torque_": "tau"}, ["1", "2"]),
+    "underscores": ({"time": "timestamp", "angle_": "pos_", "speed_": "vel_", "torque_": "tau_"}, ["1", "2"]),
+    "plural": (
+        {"time": "timestamps", "angle_": "positions_", "speed_": "velocities_", "torque_": "torques_"},
+        ["1", "2"],
+    ),
+    "RTDE": ({"time": "timestamp", "angle_": "actual_q_", "speed_": "actual_qd_", "torque_": "effort_"}, ["0", "1"]),
+    "brackets": ({"time": "Time [s]", "angle_": "Position", "speed_": "Velocity", "torque_": "Torque"}, ["[0]", "[1]"]),
+    "PlotJuggler": (
+        {"time": "__time", "angle_": "/joint_states/{}/position", "speed_": "/joint_states/{}/velocity"}
+        | {"torque_": "/joint_states/{}/effort"},
+        ["shoulder_joint", "elbow_joint"],
+    ),
+    "cart": ({"time": "t", "angle_": "pos_", "speed_": "vel_", "torque_": "force_"}, ["cart", "pole"]),
+    "ROS": ({"time": "stamp", "angle_": "position_", "speed_": "velocity_", "torque_": "effort_"}, ["elbow", "hand"]),
+}
+
+
+def respelled(log: pd.DataFrame, how: str) -> pd.DataFrame:
+    words, joints = SPELLED[how]
+    names = {}
+    for column in log.columns:
+        kind, _, joint = str(column).partition("_")
+        own = words[f"{kind}_" if joint else kind]
+        name = joints[int(joint) - 1] if joint else ""
+        names[column] = own.format(name) if "{}" in own else own + name
+    return log.rename(columns=names)
+
+
+@pytest.mark.parametrize("how", SPELLED)
+def test_columns_are_understood_as_people_spell_them(how: str) -> None:
+    """By numbers from 0 or 1, or by names of joints; other columns are left alone, and it is said."""
+    usual, joints = read(clean()), tuple(SPELLED[how][1])
+    joints = joints if joints[0].isidentifier() else ("1", "2")
+    log = respelled(clean(), how).assign(temperature_1=40.0, pos_des_1=0.0, gripper_position=0.1, note="a")
+    record = read(log, joints=joints)
+    for name in ("times", "angles", "speeds", "torques"):
+        np.testing.assert_allclose(getattr(record, name), getattr(usual, name), atol=1e-12)
+    assert kinds(record) == ["columns"]
+
+
+@pytest.mark.parametrize("what", ["current", "voltage"])
+def test_what_a_motor_is_sent_stands_for_its_torque(what: str) -> None:
+    """Where there is no torque, and that is said."""
+    record = read(clean().rename(columns=lambda name: name.replace("torque", what)))
+    np.testing.assert_array_equal(record.torques, clean()[["torque_1", "torque_2"]])
+    assert any(repair.text.startswith(f"motor {what}s stand for torques: ") for repair in record.repairs)
+
+
+def test_column_that_the_user_names_goes_before_one_that_is_understood() -> None:
+    """As a command beside efforts that a driver leaves at 0; the other joint keeps its own."""
+    log = clean().rename(columns=lambda name: name.replace("_1", "_elbow").replace("_2", "_hand"))
+    log = log.assign(command=log["torque_elbow"], torque_elbow=0.0)
+    record = read(log, joints=("elbow", "hand"), columns={"command": "torque_1"})
+    np.testing.assert_array_equal(record.torques, clean()[["torque_1", "torque_2"]])
+
+
+def test_columns_of_other_joints_are_passed_by_where_the_user_names_all() -> None:
+    """As of a gripper, whose number is one of them."""
+    log = clean().rename(columns={"angle_1": "q1", "angle_2": "q3", "torque_1": "u1", "torque_2": "u3"})
+    log = log.assign(q2=0.0, u2=0.0).drop(columns=["speed_1", "speed_2"])
+    with pytest.raises(RecordError, match="column 'q3' is of no joint"):
+        read(log)
+    named = {"q1": "angle_1", "q3": "angle_2", "u1": "torque_1", "u3": "torque_2"}
+    np.testing.assert_array_equal(read(log, columns=named).angles, read(clean()).angles)
+
+
+def test_words_of_a_log_stand_for_joints_that_have_but_numbers() -> None:
+    """In the order of the columns; where these are not of all joints, no word stands for any."""
+    log = clean().rename(columns=lambda name: name.replace("_1", "_shoulder").replace("_2", "_elbow"))
+    np.testing.assert_array_equal(read(log).torques, read(clean()).torques)
+    assert [repair.kind for repair in read(log).repairs] == ["columns"]
+    with pytest.raises(RecordError, match="no column 'angle_1'"):
+        read(log.rename(columns={"torque_elbow": "torque_wrist"}))
+
+
+def test_joint_without_a_column_for_its_torque_has_none() -> None:
+    """And that is said; without an angle a joint is no joint of the log."""
+    record = read(clean().drop(columns="torque_2"))
+    assert record.torques[:, 0].any()
+    assert not record.torques[:, 1].any()
+    assert [repair.text for repair in record.repairs] == ["no torque of joint 2: it is 0, as without a motor"]
+    with pytest.raises(RecordError, match="no column 'angle_2' beside 'angle_1'"):
+        read(clean().drop(columns="angle_2"))
+
+
+def test_columns_of_one_joint_need_no_number() -> None:
+    """As a bench of one joint writes them; of two joints nobody knows whose they are."""
+    log = clean()[["time", "angle_1", "speed_1", "torque_1"]]
+    bare = log.set_axis(["time", "position", "velocity", "torque"], axis=1)
+    (usual,), (record,) = (intake(("shoulder",)).read(each) for each in (log, bare))
+    for kind in ("angles", "speeds", "torques"):
+        np.testing.assert_array_equal(getattr(record, kind), getattr(usual, kind))
+    assert [each.text for each in record.repairs] == ["position is the angle; velocity is the speed"]
+    with pytest.raises(RecordError, match="no column 'angle_1' among time, position, velocity, torque"):
+        read(bare)
+
+
+def test_column_of_no_joint_is_refused_in_its_own_spelling() -> None:
+    """As where some joints of a robot are estimated, and the log numbers all of them."""
+    log = clean()
+    log = log.set_axis([name.replace("angle", "position") for name in log], axis=1).assign(position_3=0.0)
+    said = (
+        r"'position_3' is of no joint \(allowed: position_1 to position_2, or named as position_j2; or --map of all\)"
+    )
+    with pytest.raises(RecordError, match=said):
+        intake(("j2", "j4")).read(log)
+    odd = r"position_3' is of no joint \(allowed: position_1 to position_2, or named as position_\\1; or --map of all\)"
+    with pytest.raises(RecordError, match=odd):
+        intake(("\\1", "j4")).read(log)
+
+
+def test_map_says_what_a_column_is() -> None:
+    """A name that means nothing by itself; a wrong one is refused with what is allowed."""
+    log = clean().rename(columns={"torque_1": "pwm a", "torque_2": "pwm b"})
+    record = read(log, columns={"pwm a": "torque_1", "pwm b": "torque_2"})
+    np.testing.assert_array_equal(record.torques, read(clean()).torques)
+    for mapping, says in (
+        ({"pwm c": "torque_1"}, "did you mean 'pwm b'?"),
+        ({"pwm a": "torque_3"}, "did you mean 'torque_2'?"),
+    ):
+        with pytest.raises(RecordError, match="map") as refused:
+            read(log, columns=mapping)
+        assert says in str(refused.value)

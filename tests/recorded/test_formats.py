@@ -1,0 +1,138 @@
+"""Logs are read alike, whatever they are written in, in one file or in several."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.io import savemat
+
+from metaid.errors import RecordError
+from metaid.recorded import every_run
+from tests.clean_logs import clean, intake, kinds, read
+
+WRITTEN: dict[str, Callable[[pd.DataFrame, Path], object]] = {
+    "semicolons": lambda log, path: log.to_csv(path, index=False, sep=";", decimal=","),
+    "byte order mark": lambda log, path: log.to_csv(path, index=False, encoding="utf-8-sig"),
+    "tabs": lambda log, path: log.to_csv(path, index=False, sep="\t"),
+    "blanks": lambda log, path: np.savetxt(path, log, header=" ".join(log.columns)),
+    "UTF-16": lambda log, path: log.to_csv(path, index=False, sep="\t", encoding="utf-16"),
+    "a title": lambda log, path: path.write_text("Log of 3 May\n\n" + log.to_csv(index=False)),
+    "an index": lambda log, path: log.to_csv(path),
+    "quotes": lambda log, path: log.to_csv(path, index=False, quoting=1),
+}
+
+
+@pytest.mark.parametrize("how", WRITTEN)
+def test_text_is_read_as_it_is_written(how: str, tmp_path: Path) -> None:
+    """Whatever separates columns, with decimal commas, a byte order mark, and a title above."""
+    path = tmp_path / ("log.dat" if how == "blanks" else "log.csv")
+    WRITTEN[how](clean(), path)
+    record = read(str(path))
+    usual = read(clean())
+    np.testing.assert_allclose(record.angles, usual.angles, atol=1e-12)
+    np.testing.assert_allclose(record.torques, usual.torques, atol=1e-12)
+    assert kinds(record) == (["format"] if how in ("semicolons", "tabs", "blanks", "UTF-16") else [])
+
+
+def arrays_of(log: pd.DataFrame) -> dict[str, np.ndarray]:
+    """A log as its arrays, two joints wide."""
+    return {
+        own: log[[f"{kind}_1", f"{kind}_2"]].to_numpy()
+        for own, kind in (("q", "angle"), ("dq", "speed"), ("tau", "torque"))
+    }
+
+
+@pytest.mark.parametrize("how", ["step", "structure", "lying", "lists", "records", "lines"])
+def test_arrays_are_read_as_tables(how: str, tmp_path: Path) -> None:
+    """Of NumPy with the step alone, of MATLAB in a structure, or with a column a time, of JSON in lists or in records;
+    no numbers are passed by.
+    """
+    endings = {"step": "npz", "lists": "json", "records": "json", "lines": "jsonl"}
+    log, path = clean(), tmp_path / f"run.{endings.get(how, 'mat')}"
+    arrays, times = arrays_of(log), log["time"].to_numpy()
+    rows = [
+        {"time": time} | {name: each.tolist() for name, each in zip(arrays, row, strict=True)}
+        for time, *row in zip(times.tolist(), *arrays.values(), strict=True)
+    ]
+    if how == "step":
+        np.savez(path, **arrays, dt=0.005, mass=2.5, names=np.array(["a", "b"], dtype=object))
+    elif how == "lists":
+        path.write_text(
+            json.dumps({"log": {"t": times.tolist(), "robot": "two"} | {n: a.tolist() for n, a in arrays.items()}})
+        )
+    elif how == "records":
+        path.write_text(json.dumps({"robot": "two", "entries": rows}))
+    elif how == "lines":
+        path.write_text("\n".join(map(json.dumps, rows)))
+    elif how == "structure":
+        savemat(path, {"run": {"t": times, "note": "first", **arrays}})
+    else:
+        savemat(path, {"time": times[None], "Ts": 1.0} | {name: each.T for name, each in arrays.items()})
+    usual, record = read(log), read(str(path))
+    np.testing.assert_allclose(record.times, usual.times, atol=1e-12)
+    np.testing.assert_array_equal(record.angles, usual.angles)
+    np.testing.assert_array_equal(record.speeds, usual.speeds)
+    np.testing.assert_array_equal(record.torques, usual.torques)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "says"),
+    [
+        ("run.npz", b"hello", "no file of NumPy's arrays: File is not a zip file"),
+        ("run.mat", b"hello", "no file of MATLAB's: Mat file appears to be truncated"),
+        ("run.mat", b"MATLAB 7.3".ljust(124) + b"\x00\x02IM".ljust(400), "of MATLAB 7.3, which is not read (allowed: "),
+        ("run.json", b"{", "no JSON: Expecting property name"),
+        ("run.mat", None, "No such file or directory (allowed: the path of a log)"),
+    ],
+)
+def test_file_without_arrays_is_refused_in_one_line(
+    name: str, content: bytes | None, says: str, tmp_path: Path
+) -> None:
+    path = tmp_path / name
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(RecordError) as refused:
+        read(str(path))
+    assert str(refused.value).startswith(f"{path}: {says}")
+
+
+def test_numbers_alone_are_no_log(tmp_path: Path) -> None:
+    np.savez(tmp_path / "run.npz", mass=2.5)
+    with pytest.raises(
+        RecordError, match=r"no array has a row for each time, among mass \(allowed: arrays as t, q, tau"
+    ):
+        read(str(tmp_path / "run.npz"))
+
+
+def test_rows_that_have_readings_of_one_topic_each_are_one_log() -> None:
+    """As exported of several topics: a torque holds until the next."""
+    log, torques = clean(), ["torque_1", "torque_2"]
+    later = log.iloc[::4].assign(time=log["time"].iloc[::4] + 0.001)
+    sent = later[["time", *torques]].reset_index(drop=True)
+    sparse = pd.concat([log.drop(columns=torques), sent]).sort_values("time", kind="stable")
+    others = pd.DataFrame({"time": log["time"] + 0.002, "battery": 12.0})
+    record = read(pd.concat([sparse, others]).sort_values("time", kind="stable"))
+    np.testing.assert_array_equal(record.angles, log[["angle_1", "angle_2"]].iloc[1:])
+    rows = (np.arange(1, len(log)) - 1) // 4
+    np.testing.assert_array_equal(record.torques, sent[torques].to_numpy()[rows])
+    assert kinds(record) == ["topics", "no number"]
+
+
+def test_files_with_some_kinds_of_readings_each_are_one_log(tmp_path: Path) -> None:
+    """At the times of the angles; what holds, holds until the next, and files without times are matched by rows."""
+    log = clean()
+    usual = read(log)
+    angles, torques = log[["time", "angle_1", "angle_2"]], log[["time", "torque_1", "torque_2"]]
+    often = pd.concat([torques, torques.assign(time=torques["time"] + 0.002, torque_1=9.0)]).sort_values("time")
+    (merged,) = every_run(intake(), [angles, often])
+    np.testing.assert_array_equal(merged.torques, usual.torques)
+    np.testing.assert_array_equal(merged.angles, usual.angles)
+    one, other = every_run(intake(), [angles, torques.drop(columns="time"), log])
+    np.testing.assert_array_equal(one.torques, other.torques)
+    with pytest.raises(RecordError, match="799 rows"):
+        every_run(intake(), [angles, torques.drop(columns="time")[:799]])

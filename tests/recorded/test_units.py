@@ -1,0 +1,58 @@
+"""Units of times and angles are told by what machines do, or by what a column says."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from metaid.errors import RecordError
+from tests.clean_logs import clean, kinds, read
+
+
+@pytest.mark.parametrize(("unit", "size"), [("ms", 1e-3), ("µs", 1e-6), ("ns", 1e-9)])
+def test_usual_step_tells_the_unit_of_times(unit: str, size: float) -> None:
+    """Since 1970 or since the start, and the unit is said; those in s are taken as they are."""
+    usual, log = read(clean()), clean()
+    assert kinds(usual) == []
+    epoch = np.int64(1_700_000_000 / size)
+    ticks = np.round(log["time"] / size).astype("int64") + epoch
+    record = read(log.assign(time=ticks))
+    np.testing.assert_allclose(record.times, usual.times, atol=1e-9)
+    assert [repair.text for repair in record.repairs] == [f"times are in {unit}: the log has 200 Hz"]
+
+
+def test_speeds_tell_between_two_units() -> None:
+    """Steps of 0.1 are 10 Hz in s or 10 kHz in ms."""
+    slow, fast = clean(60.0, 10.0), clean(1.0, 10_000.0)
+    assert kinds(read(slow)) == []
+    assert kinds(read(fast.assign(time=1e3 * fast["time"]))) == ["unit of times"]
+
+
+def test_joint_without_an_end_may_turn_many_times() -> None:
+    """As fast as machines do: what is faster is in degrees."""
+    log = clean().drop(columns=["speed_1", "speed_2"])
+    spun = log.assign(angle_1=log["angle_1"] + 20.0 * log["time"])
+    endless = np.array([True, False])
+    np.testing.assert_allclose(read(spun, endless=endless).angles[:, 0], spun["angle_1"])
+    with pytest.raises(RecordError, match="looks like degrees"):
+        read(spun, endless=~endless)
+    with pytest.raises(RecordError, match="looks like degrees"):
+        read(log.assign(angle_1=np.rad2deg(log["angle_1"])), endless=endless)
+
+
+@pytest.mark.parametrize("size", [0.01, 0.028, 0.1])
+def test_speeds_of_a_joint_that_hardly_moves_beyond_its_noise_are_taken(size: float) -> None:
+    """The few changes that are larger than its noise are those that it has made larger."""
+    random, log = np.random.default_rng(0), clean()
+    angles = size * np.sin(3.1 * log["time"]) + 1e-3 * random.standard_normal(len(log))
+    record = read(log.assign(angle_1=angles, speed_1=3.1 * size * np.cos(3.1 * log["time"])))
+    assert record.speeds is not None
+
+
+def test_column_that_says_radians_may_turn_many_times() -> None:
+    """As that of a motor; one that says no unit may not."""
+    log = clean().assign(angle_1=lambda frame: 60.0 * frame["angle_1"], speed_1=lambda frame: 60.0 * frame["speed_1"])
+    with pytest.raises(RecordError, match="looks like degrees"):
+        read(log)
+    said = log.rename(columns={"angle_1": "Angle 1 (rad)", "speed_1": "Speed 1 (rad/sec)"})
+    np.testing.assert_allclose(read(said).angles[:, 0], log["angle_1"])
