@@ -121,6 +121,11 @@ def first_of(names: Sequence[str], most: int, between: str = ", ") -> str:
     return between.join(names[:most]) + more
 
 
+def joints_of(names: Sequence[str]) -> str:
+    """Those joints, in words: `joint A`, or `joints A, B`."""
+    return f"joint{'s' * (len(names) != 1)} {', '.join(names)}"
+
+
 def unknown(what: str, name: str, allowed: Iterable[str]) -> str:
     """The message for a `name` that is not among `allowed`: the nearest one, then all of them."""
     names = list(allowed)

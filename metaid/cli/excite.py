@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from metaid.cli.common import json_option, number_text, numbers, print_json, print_table, refuse_output, say, whole_file
-from metaid.errors import unknown
+from metaid.errors import joints_of, unknown
 
 if TYPE_CHECKING:
     from metaid.excitation import Excitation, Noise
@@ -107,11 +107,10 @@ def _print(found: Excitation, whole: bool) -> None:
 def _lines(found: Excitation) -> list[str]:
     """What it comes to, a sentence a line."""
     told, count = found.forecast, int(found.forecast.determined.sum())
-    unknown_joints = ", ".join(told.unknown)
     lines = [
         f"{count} of {len(told.names)} parameters will be known to a tenth; "
         + (
-            f"the torque of joint {unknown_joints} to no better than a tenth"
+            f"the torque of {joints_of(told.unknown)} to no better than a tenth"
             if told.unknown
             else "the torque of every joint to a tenth or better"
         ),
@@ -126,7 +125,7 @@ def _lines(found: Excitation) -> list[str]:
         ]
         lines.append(
             f"no log shows a wrong constant of a drive; the same motion once more with {mass:g} kg at the last link "
-            f"tells the gain of joint {', '.join(shown)}"
+            f"tells the gain of {joints_of(shown)}"
         )
     else:
         lines.append("contacts are not looked at, for links of a chain have no shapes")

@@ -13,7 +13,7 @@ from swinging import log_of, swinging, swinging_arm
 
 from metaid.models import Array
 from metaid.models.tree import PARAMETERS, Tree, joint_mass_matrix, joint_torque, planar_tree
-from metaid.plant import load_chain
+from metaid.plant import ArmPlant, load_chain, load_plant
 from metaid.recorded import (
     Choices,
     Record,
@@ -203,6 +203,22 @@ def test_joint_with_another_motor_constant_is_named_with_what_it_carries() -> No
     joint = found[1].model.joints[1]
     assert f"so many times that: {joint} 0.6; " in said[1][0]
     assert said[1][0].endswith(f"--scale {joint}=1.7")
+
+
+def test_joint_whose_nominal_bodies_are_far_too_light_is_told_from_another_unit() -> None:
+    """Joints before it move these bodies, too: they contradict its torques in another unit, and confirm its own."""
+    plant, asked = load_plant("puma560"), Choices(friction=("viscous",), zeros=False, delay=0.0)
+    assert isinstance(plant, ArmPlant)
+    arm = plant.tree.with_parameters(plant.tree.parameters * np.array([1.0] * 11 + [0.0, 0.0]))
+    lighter = arm.parameters.copy()
+    lighter[3] *= 0.05
+    record = log_of(arm, noise=1e-5, seconds=3.0)
+    amperes = record.with_torques(record.torques * np.array([1.0, 1.0, 1.0, 1.0, 10.0, 1.0]))
+    named = []
+    for each, nominal in ((record, arm.with_parameters(lighter)), (amperes, arm)):
+        found = estimate_records([each], arm_model(nominal), asked)
+        named.append([(fact.option, "as other joints confirm" in fact.text) for fact in facts_of([each], found)])
+    assert named == [[("", True)], [("--scale wrist_bend=0.1", False)]]
 
 
 def test_runs_that_begin_at_other_times_are_simulated_alike() -> None:

@@ -33,6 +33,7 @@ from metaid.recorded.weak_form.equations import Equations, Part, equations_of
 from metaid.recorded.weak_form.smoothed import Smoothed
 
 MOST = 80  # windows of a check, of all logs
+SAME = 0.005  # of the torque: less that is unexplained tells nothing
 SELDOM = 0.5  # as NAMED of gravity, which many other faults look like
 BOTH = 0.7  # of what one leaves: as NAMED of two at once, for there are many pairs
 FIRST, TRIED = 12, 16  # facts of which others are tried beside, and pairs that are tried on a possible model
@@ -209,11 +210,47 @@ def _thinned(records: Sequence[Record], logs: Sequence[Smoothed], found: Recorde
 
 def _units(check: Check) -> dict[int, tuple[float, Fact]]:
     """Joints, from 0 on, whose torques are so many times what the nominal bodies need that they are in another unit
-    than those of the others, each with the factor that mends it.
+    than those of the others, each with the factor that mends it; 1 where the other joints say that it is the bodies.
     """
     units: dict[int, tuple[float, Fact]] = {}
-    equations = check.equations
-    names, signed = equations.model.joints, scales_of(equations).joined
+    names = check.equations.model.joints
+    ratios = _ratios(check.equations)
+    factors = np.ones(len(names))
+    for joint, ratio in ratios.items():
+        factors[joint] = next((1.0 / unit for unit in THOUSANDS if 0.3 < ratio / unit < 3.0), 1.0 / ratio)
+    for joint, ratio in ratios.items():
+        factor = float(factors[joint])
+        if _is_confirmed(check, joint, factors):
+            text = (
+                f"joint {names[joint]} needs {ratio:.3g} times the torque that the nominal bodies do, as other joints"
+            )
+            units[joint] = 1.0, Fact(f"{text} confirm: these bodies are wrong, not its unit", "", 0.0)
+            continue
+        unit = {0.001: "mN m", 1000.0: "kN m"}.get(factor, "a motor current or another unit")
+        option = f"--scale {names[joint]}={factor:.3g}"
+        text = f"the torque of joint {names[joint]} is {ratio:.3g} times what the others' scale would make it: {unit}?"
+        units[joint] = factor, Fact(f"{text} {option}", option, 0.0)
+    return units
+
+
+def _is_confirmed(check: Check, joint: int, factors: Array) -> bool:
+    """Whether any joint is explained far worse once the torque of one is multiplied as well: bodies that one joint
+    carries are moved by the others, too.
+
+    Args:
+        check: windows of the logs.
+        joint: whose unit is in doubt, from 0 on.
+        factors: of all torques that are in doubt (njoint).
+    """
+    mended = check.with_torques(factors).free
+    kept = check.with_torques(np.where(np.arange(len(factors)) == joint, 1.0, factors)).free
+    return bool((NAMED * mended > np.maximum(kept, SAME)).any())
+
+
+def _ratios(equations: Equations) -> dict[int, float]:
+    """Joints, from 0 on, whose torques are so many times what the others' scale would make them."""
+    ratios = {}
+    signed = scales_of(equations).joined
     known = signed[np.isfinite(signed)]
     # A joint that needs the other sign than most is wrong in another way than by its unit.
     scales = np.where(signed * np.median(known) > 0.0, np.abs(signed), np.nan) if len(known) else signed
@@ -222,14 +259,9 @@ def _units(check: Check) -> dict[int, tuple[float, Fact]]:
         if equations.model.untrusted[joint]:
             continue
         ratio = scale / middle if np.isfinite(scale) else _beyond_friction(equations, joint)
-        if 1.0 / UNIT < ratio < UNIT:
-            continue
-        factor = next((1.0 / unit for unit in THOUSANDS if 0.3 < ratio / unit < 3.0), 1.0 / ratio)
-        unit = {0.001: "mN m", 1000.0: "kN m"}.get(factor, "a motor current or another unit")
-        option = f"--scale {names[joint]}={factor:.3g}"
-        text = f"the torque of joint {names[joint]} is {ratio:.3g} times what the others' scale would make it: {unit}?"
-        units[joint] = factor, Fact(f"{text} {option}", option, 0.0)
-    return units
+        if not 1.0 / UNIT < ratio < UNIT:
+            ratios[joint] = ratio
+    return ratios
 
 
 def _beyond_friction(equations: Equations, joint: int) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from metaid.errors import joints_of
 from metaid.models import Array
 from metaid.recorded.doubts.conventions import LOST, NAMED, WRONG, Check
 from metaid.recorded.doubts.scales import KNOWN
@@ -38,7 +39,7 @@ def named_as_falling(check: Check, falling: NDArray[np.bool_]) -> tuple[str, str
     unit = "N m s, of slides N s/m" if model.slides[falling].any() else "N m s"
     option = f"--untrusted {','.join(names)}"
     text = (
-        f"the torque of joint {', '.join(names)} falls as it moves faster, by {', '.join(slopes)} {unit}, as with no "
-        f"friction: a drive that cancels friction may send more than it logs; {option} fits nothing to it"
+        f"what drives {joints_of(names)} falls with speed, by {', '.join(slopes)} {unit}, as with no friction: a drive "
+        f"that cancels friction may send more than it logs; {option} fits nothing to it"
     )
     return text, option

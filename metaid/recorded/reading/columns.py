@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from metaid.errors import RecordError, unknown
+from metaid.errors import RecordError, joints_of, unknown
 from metaid.recorded.reading.formats import Table
 from metaid.recorded.reading.readings import Repair
 from metaid.recorded.reading.times import CLOCKS, SPELLED
@@ -105,7 +105,7 @@ def understood(table: Table, joints: Sequence[str], mapping: Mapping[str, str]) 
         notes += (Repair("currents", len(kinds["torque"]), text),)
     idle = [joint for joint, column in zip(joints, kinds["torque"], strict=False) if not column]
     if idle:
-        text = f"no torque of joint {', '.join(idle)}: it is 0, as without a motor"
+        text = f"no torque of {joints_of(idle)}: it is 0, as without a motor"
         notes += (Repair("torque", len(idle), text),)
     return Understood(times, unit, kinds, (*table.notes, *notes))
 

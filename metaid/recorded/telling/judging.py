@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from metaid.errors import first_of
+from metaid.errors import first_of, joints_of
 from metaid.models import COARSEST, DEVIATIONS, Array
 from metaid.recorded.doubts.scales import UNIT
 from metaid.recorded.estimating import RecordedEstimate
@@ -174,8 +174,7 @@ def _without_motor(found: RecordedEstimate) -> Iterator[str]:
     names = [name for name, is_passive in zip(found.model.joints, found.model.passive, strict=True) if is_passive]
     if names:
         yield (
-            f"the torque of joint {', '.join(names)} is 0, as without a motor: its error is a share of the terms that "
-            "cancel"
+            f"the torque of {joints_of(names)} is 0, as without a motor: its error is a share of the terms that cancel"
         )
 
 
