@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 
 from metaid.models import Array
 from metaid.recorded.motion import AHEAD, Begun, simulated, starts_of
-from metaid.recorded.weak_form.equations import Equations, Solution
+from metaid.recorded.weak_form.equations import SHIFT, Equations, Solution
 from metaid.recorded.weak_form.folds import Fold
 from metaid.recorded.weak_form.linear_model import LinearModel
 from metaid.recorded.weak_form.normal import ZERO
 from metaid.recorded.weak_form.smoothed import Smoothed
 
 MOST_STARTS = 60  # of simulations a fold
+FADES = 4.0  # periods of the filter's cut-off, in which what is beyond a row leaves it but for 1e-4
 ZERO_STEPS = 3  # of Newton's, for the zeros of a log that was held out
 
 
@@ -121,21 +122,28 @@ class Yardstick:
         return "logs" if self.folds[0].third is None else "blocks"
 
     @cached_property
+    def _first_halves(self) -> Yardstick:
+        """Of each log what tells its zeros, and what passes the filter into it."""
+        return replace(self, logs=tuple(each.until(_middle(each) + FADES / each.cutoff) for each in self.logs))
+
+    @cached_property
     def _bodies(self) -> dict[int, Array]:
         return {}
 
     def rigid(self, model: LinearModel, bodies: Array, log: int, zeros: Array) -> Array:
-        """The torque of bodies at the rows of a log (nrow x njoint), in N m or N.
+        """The torque of bodies at the rows of a log (... x nrow x njoint), in N m or N.
 
         Args:
             model: what is unknown.
             bodies: the unknowns of the bodies (nbody).
             log: which of the logs.
-            zeros: of its encoders (njoint), in rad.
+            zeros: of its encoders (... x njoint), in rad.
         """
         own = self.logs[log]
         if zeros.any():
-            return model.rigid(bodies, own.coordinates + zeros, own.speeds, own.accelerations)
+            moved = own.coordinates + zeros[..., None, :]
+            moving = (np.broadcast_to(each, moved.shape) for each in (own.speeds, own.accelerations))
+            return model.rigid(bodies, moved, *moving)
         return np.asarray(self._columns(model, log) @ bodies)
 
     def _columns(self, model: LinearModel, log: int) -> Array:
@@ -146,18 +154,23 @@ class Yardstick:
         return self._bodies[log]
 
     def predicted(self, model: LinearModel, values: Array, log: int, zeros: Array) -> Array:
-        """The torques of a log (nrow x njoint), through the filter.
+        """The torques of a log (... x nrow x njoint), through the filter.
 
         Args:
             model: what is unknown.
             values: the unknowns (nparam).
             log: which of the logs.
-            zeros: of its encoders (njoint), in rad.
+            zeros: of its encoders (... x njoint), in rad.
         """
         own = self.logs[log]
         rigid = self.rigid(model, values[: model.nbody], log, zeros)
-        columns = model.friction_columns(own.speeds, own.accelerations, own.states(model), rigid)
-        return own.filtered(rigid + columns @ values[model.nbody :])
+        every = rigid.reshape(-1, *own.speeds.shape)
+        loads = every if "load" in model.friction else every[:1]  # no other friction is another by other zeros
+        friction = [
+            model.friction_columns(own.speeds, own.accelerations, own.states(model), each) @ values[model.nbody :]
+            for each in loads
+        ]
+        return own.filtered(every + np.stack(friction)).reshape(rigid.shape)
 
     def whole(self, model: LinearModel, bodies: Array, log: int, sent: Array) -> Array:
         """What errors of the torques of a log are shares of, squared (nrow x njoint): see `LinearModel.whole`.
@@ -195,19 +208,17 @@ class Yardstick:
             log: which of the logs.
             delay: by which torques act later than they are logged, in s.
         """
-        own = self.logs[log]
-        first = own.judged & (own.times < _middle(own))
+        halves, middle = self._first_halves, _middle(self.logs[log])
+        own = halves.logs[log]
+        first = own.judged & (own.times < middle)
         zeros = np.zeros(model.njoint)
-        sent = self.sent(log, delay)
+        shifts = SHIFT * np.vstack([zeros, np.eye(model.njoint)])
+        sent = halves.sent(log, delay)
         for _ in range(ZERO_STEPS):
-            usual = self.predicted(model, values, log, zeros)
-            left = (sent - usual)[first]
+            usual, *moved = halves.predicted(model, values, log, zeros + shifts)[:, first]
+            left = sent[first] - usual
             spread = np.sqrt((left**2).mean(axis=0)) + 1e-12
-            columns = []
-            for joint in range(model.njoint):
-                moved = self.predicted(model, values, log, zeros + 1e-4 * (np.arange(model.njoint) == joint))
-                columns.append(((moved - usual)[first] * 1e4 / spread).ravel())
-            rows = np.stack(columns, axis=1)
+            rows = np.stack([((each - usual) / SHIFT / spread).ravel() for each in moved], axis=1)
             # neighbours through the filter are no readings of their own
             correlated = max(1.0, 1.0 / (2.0 * own.cutoff * own.period))
             gram = rows.T @ rows / correlated + np.eye(model.njoint) / ZERO**2

@@ -115,8 +115,7 @@ def simulated(model: LinearModel, begun: Sequence[Begun], delay: float) -> Motio
         """
         shape = (len(angles), n + 1, n)
         where, moving = (np.broadcast_to(part[:, None], shape) for part in (angles, speeds))
-        columns = model.bodies(where, moving, np.broadcast_to(units, shape))
-        needed = (columns @ bodies[:, None, :, None])[..., 0]
+        needed = model.rigid(bodies[:, None], where, moving, np.broadcast_to(units, shape))
         matrices = (needed[:, 1:] - needed[:, :1]).swapaxes(-1, -2) + spun
         present = friction(before, rigid)
         across = np.where(np.abs(after - before) > SLIGHT, after - before, SLIGHT)
@@ -131,7 +130,7 @@ def simulated(model: LinearModel, begun: Sequence[Begun], delay: float) -> Motio
         for torques in sent.swapaxes(0, 1):
             rigid = rest
             if "load" in model.friction:  # without accelerations, so that nothing chatters
-                rigid = (model.bodies(angles, speeds, rest) @ bodies[..., None])[..., 0]
+                rigid = model.rigid(bodies, angles, speeds, rest)
             for _ in range(fine):
                 faster = rate(angles, speeds, torques, speeds, speeds, rigid)
                 half = angles + 0.5 * step * speeds, speeds + 0.5 * step * faster

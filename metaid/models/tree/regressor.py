@@ -34,10 +34,18 @@ def torque_regressor(tree: Tree, coordinates: Array, speeds: Array, acceleration
         speeds: of the joints (... x njoint), in rad/s or m/s.
         accelerations: that the torque gives them (... x njoint), in rad/s² or m/s².
     """
-    n = tree.njoint
-    regressor = np.zeros((*coordinates.shape, n, len(PARAMETERS)))
-    for i, (wrench, twists) in enumerate(_links(tree, coordinates, speeds, accelerations)):
-        regressor[..., : i + 1, i, :BODY] = twists @ wrench  # Eq. 51
+    n, lead = tree.njoint, coordinates.shape[:-1]
+    regressor = np.zeros((*lead, n, n, len(PARAMETERS)))
+    axes = origins = np.zeros((3, 0, *lead))  # of the joints up to the link's own, in its frame
+    for i, link in enumerate(_moving(tree, coordinates, speeds, accelerations)):
+        axis = np.broadcast_to(tree.axis[i].reshape(3, 1, *[1] * len(lead)), (3, 1, *lead))
+        axes = np.concatenate([link.turn.inwards(axes), axis], axis=1)
+        origins = link.turn.inwards(origins - link.place[:, None])
+        origins = np.concatenate([origins, np.zeros((3, 1, *lead))], axis=1)
+        # A hinge turns the link, and moves its origin on a circle; a slide moves it.
+        slides = tree.slides[: i + 1].reshape(i + 1, *[1] * len(lead))
+        twists = np.concatenate([np.where(slides, 0.0, axes), np.where(slides, axes, -_cross(axes, origins))])
+        regressor[..., : i + 1, i, :BODY] = np.moveaxis(twists, (0, 1), (-1, -2)) @ _of_body(link)  # Eq. 51
         friction = accelerations[..., i], speeds[..., i], sliding(speeds[..., i])
         for parameter, each in enumerate(friction, start=BODY):
             regressor[..., i, i, parameter] = each
@@ -50,33 +58,56 @@ def body_torque(tree: Tree, parameters: Array, coordinates: Array, speeds: Array
 
     Args:
         tree: where the joints are.
-        parameters: of the bodies (njoint x 13), which need not be those of bodies that can be.
+        parameters: of the bodies (njoint x 13, or ... x njoint x 13), which need not be those of bodies that can be.
         coordinates: of the joints (... x njoint), in rad or m.
         speeds: of the joints (... x njoint), in rad/s or m/s.
         accelerations: of the joints (... x njoint), in rad/s² or m/s².
     """
     torque = np.empty(coordinates.shape)
-    force = moment = np.zeros(3)
     links = list(_moving(tree, coordinates, speeds, accelerations))
-    for i, (link, own) in reversed(list(enumerate(zip(links, parameters, strict=True)))):
-        first, inertia = own[1:4], MOMENTS @ own[4:BODY]
+    bodies = np.moveaxis(parameters, (-2, -1), (0, 1))
+    bodies = bodies.reshape(*bodies.shape, *[1] * (coordinates.ndim + 1 - bodies.ndim))
+    force = moment = np.zeros((3, *torque.shape[:-1]))
+    for i, (link, own) in reversed(list(enumerate(zip(links, bodies, strict=True)))):
+        first, spun = own[1:4], _product(own[4:BODY], link.spin)
         turning = _cross(link.spin_rate, first) + _cross(link.spin, _cross(link.spin, first))
         force = force + own[0] * link.rate + turning  # Eq. 50
-        moment = moment + link.spin_rate @ inertia + _cross(link.spin, link.spin @ inertia)
-        moment = moment + _cross(first, link.rate)
-        torque[..., i] = (force if tree.slides[i] else moment) @ tree.axis[i]  # Eq. 51
-        force, moment = (np.einsum("...jk,...k->...j", link.matrix, each) for each in (force, moment))
+        moment = moment + _product(own[4:BODY], link.spin_rate) + _cross(link.spin, spun) + _cross(first, link.rate)
+        torque[..., i] = np.tensordot(tree.axis[i], force if tree.slides[i] else moment, 1)  # Eq. 51
+        force, moment = link.turn.outwards(force), link.turn.outwards(moment)
         moment = moment + _cross(link.place, force)
     return torque
 
 
-class _Link(NamedTuple):
-    """How a link moves, in its own frame: `spin` in rad/s, its rate in rad/s², and the `rate` in m/s² at which the
-    speed of its origin changes, less gravity (... x 3 each). In the frame of the link before: the `matrix` of its axes
-    (... x 3 x 3), and the `place` of its origin in m (... x 3).
+class _Turn(NamedTuple):
+    """How the frame of a link is turned against that of the link before: about its joint's axis by an angle with this
+    `cosine` and `sine` (...), from where it is at zero. `parts` are what both are factors of (3 x 3 x 3).
     """
 
-    matrix: Array
+    parts: Array
+    cosine: Array
+    sine: Array
+
+    def inwards(self, vectors: Array) -> Array:
+        """Vectors (3 x ...) of the frame of the link before, in that of the link."""
+        return self._turned(self.parts.swapaxes(1, 2), vectors)
+
+    def outwards(self, vectors: Array) -> Array:
+        """Vectors (3 x ...) of the frame of the link, in that of the link before."""
+        return self._turned(self.parts, vectors)
+
+    def _turned(self, parts: Array, vectors: Array) -> Array:
+        still, along, across = (parts.reshape(9, 3) @ vectors.reshape(3, -1)).reshape(3, *vectors.shape)
+        return np.asarray(still + self.cosine * along + self.sine * across, dtype=np.float64)
+
+
+class _Link(NamedTuple):
+    """How a link moves, in its own frame: `spin` in rad/s, its rate in rad/s², and the `rate` in m/s² at which the
+    speed of its origin changes, less gravity (3 x ... each). In the frame of the link before: how it is turned, and the
+    `place` of its origin in m (3 x ...).
+    """
+
+    turn: _Turn
     place: Array
     spin: Array
     spin_rate: Array
@@ -85,45 +116,21 @@ class _Link(NamedTuple):
 
 def _moving(tree: Tree, coordinates: Array, speeds: Array, accelerations: Array) -> Iterator[_Link]:
     """Each link, from the base on.  Eq. 49."""
-    spin = spin_rate = np.zeros((*coordinates.shape[:-1], 3))
-    rate = np.broadcast_to(-tree.gravity, spin.shape)
+    lead = coordinates.shape[:-1]
+    spin = spin_rate = np.zeros((3, *lead))
+    rate = np.broadcast_to(-tree.gravity.reshape(3, *[1] * len(lead)), spin.shape)
     for i in range(tree.njoint):
-        axis = tree.axis[i]
-        matrix, place = _placed(tree, i, coordinates[..., i, None])
+        axis = tree.axis[i].reshape(3, *[1] * len(lead))
+        turn, place = _placed(tree, i, coordinates[..., i])
         rate = rate + _cross(spin_rate, place) + _cross(spin, _cross(spin, place))  # Eq. 49
-        spin, spin_rate, rate = (np.einsum("...j,...jk->...k", each, matrix) for each in (spin, spin_rate, rate))
-        turning, faster = speeds[..., i, None] * axis, accelerations[..., i, None] * axis
+        spin, spin_rate, rate = turn.inwards(np.stack([spin, spin_rate, rate], axis=1)).swapaxes(0, 1)
+        turning, faster = speeds[..., i] * axis, accelerations[..., i] * axis
         if tree.slides[i]:
             rate = rate + faster + 2.0 * _cross(spin, turning)
         else:
             spin_rate = spin_rate + faster + _cross(spin, turning)
             spin = spin + turning
-        yield _Link(matrix, place, spin, spin_rate, rate)
-
-
-def _links(tree: Tree, coordinates: Array, speeds: Array, accelerations: Array) -> Iterator[tuple[Array, Array]]:
-    """Of each link, from the base on, in the frame of the base: moment and force for a unit of each parameter of its
-    body (... x 6 x 10), and the twist of the link for a unit speed of each joint up to its own (... x i + 1 x 6), which
-    they do their work on.
-    """
-    origin = np.zeros((*coordinates.shape[:-1], 3))
-    turned = np.broadcast_to(np.eye(3), (*origin.shape, 3))
-    axes, origins = np.zeros((2, *origin.shape[:-1], tree.njoint, 3))
-    for i, link in enumerate(_moving(tree, coordinates, speeds, accelerations)):
-        origin, turned = origin + (turned @ link.place[..., None])[..., 0], turned @ link.matrix
-        axes[..., i, :], origins[..., i, :] = turned @ tree.axis[i], origin
-        force, moment = _of_body(link.spin, link.spin_rate, link.rate)
-        yield np.concatenate([turned @ moment, turned @ force], axis=-2), _twists(tree, axes, origins, i)
-
-
-def _twists(tree: Tree, axes: Array, origins: Array, link: int) -> Array:
-    """How a link turns and moves for a unit speed of each joint up to its own (... x link + 1 x 6), by the `axes` and
-    `origins` of all joints (... x njoint x 3), in the frame of the base.
-    """
-    known = slice(0, link + 1)
-    axis, slides = axes[..., known, :], tree.slides[known, None]
-    moving = _cross(axis, origins[..., link, None, :] - origins[..., known, :])
-    return np.concatenate([np.where(slides, 0.0, axis), np.where(slides, axis, moving)], axis=-1)
+        yield _Link(turn, place, spin, spin_rate, rate)
 
 
 def joint_torque(tree: Tree, coordinates: Array, speeds: Array, accelerations: Array) -> Array:
@@ -157,29 +164,30 @@ def joint_mass_matrix(tree: Tree, coordinates: Array) -> Array:
     return np.asarray(columns.swapaxes(-1, -2), dtype=np.float64)
 
 
-def _placed(tree: Tree, joint: int, coordinate: Array) -> tuple[Array, Array]:
-    """The axes of a link's frame (... x 3 x 3) and its origin (... x 3) in the frame of the link before."""
-    axis, rotation, position = tree.axis[joint], tree.rotation[joint], tree.position[joint]
-    if tree.slides[joint]:
-        matrix = np.broadcast_to(rotation, (*coordinate.shape[:-1], 3, 3))
-        return matrix, position + coordinate * (rotation @ axis)
+def _placed(tree: Tree, joint: int, coordinate: Array) -> tuple[_Turn, Array]:
+    """How a link's frame is turned, and its origin (3 x ...) in the frame of the link before, at a `coordinate`
+    (...).
+    """
+    axis, rotation = tree.axis[joint], tree.rotation[joint]
     along, across = np.outer(axis, axis), np.einsum("ijk,j->ik", _SKEW, axis)
     parts = rotation @ np.stack([along, np.eye(3) - along, across])
-    shares = np.concatenate([np.ones_like(coordinate), np.cos(coordinate), np.sin(coordinate)], axis=-1)
-    return (shares @ parts.reshape(3, 9)).reshape(*coordinate.shape[:-1], 3, 3), position
+    place = tree.position[joint].reshape(3, *[1] * coordinate.ndim)
+    if tree.slides[joint]:
+        return _Turn(parts, np.ones(()), np.zeros(())), place + np.multiply.outer(rotation @ axis, coordinate)
+    return _Turn(parts, np.cos(coordinate), np.sin(coordinate)), place
 
 
-def _of_body(spin: Array, spin_rate: Array, rate: Array) -> tuple[Array, Array]:
-    """Force and moment about the origin of the frame (... x 3 x 10 each) for a unit of each parameter of a link that
-    turns with `spin`, in rad/s, changing by `spin_rate`, in rad/s², while its origin accelerates by `rate`, in m/s²,
-    each (... x 3).  Eq. 50.
+def _of_body(link: _Link) -> Array:
+    """Moment about the origin of a link's frame, and force (... x 6 x 10) for a unit of each parameter of its body.
+    Eq. 50.
     """
+    spin, spin_rate, rate = (np.moveaxis(each, 0, -1) for each in (link.spin, link.spin_rate, link.rate))
     turning, faster, forward = (_tensor(each, _SKEW) for each in (spin, spin_rate, rate))
     of_spin, of_rate = (_tensor(each, MOMENTS) for each in (spin, spin_rate))
     none = np.zeros_like(turning)
-    force = np.concatenate([rate[..., None], faster + turning @ turning, none, none], axis=-1)
     moment = np.concatenate([none[..., :1], -forward, of_rate + turning @ of_spin], axis=-1)
-    return force, moment
+    force = np.concatenate([rate[..., None], faster + turning @ turning, none, none], axis=-1)
+    return np.concatenate([moment, force], axis=-2)
 
 
 def _tensor(vector: Array, tensor: Array) -> Array:
@@ -188,9 +196,18 @@ def _tensor(vector: Array, tensor: Array) -> Array:
     return flat.reshape(*vector.shape[:-1], 3, tensor.shape[-1])
 
 
+def _product(moments: Array, vectors: Array) -> Array:
+    """A matrix of inertia, of which there are six moments (6 x ...), times vectors (3 x ...)."""
+    (xx, xy, xz, yy, yz, zz), (x, y, z) = moments, vectors
+    product = np.empty(np.broadcast(xx, vectors).shape)
+    product[0], product[1] = xx * x + xy * y + xz * z, xy * x + yy * y + yz * z
+    product[2] = xz * x + yz * y + zz * z
+    return product
+
+
 def _cross(a: Array, b: Array) -> Array:
-    """a x b (... x 3), to the bit as numpy has it, in a third of its time of one vector and a fifth of many."""
+    """a x b (3 x ...): a component of all vectors stands together, and takes a fraction of numpy's time."""
+    (a1, a2, a3), (b1, b2, b3) = a, b
     product = np.empty(np.broadcast(a, b).shape)
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        product[..., i] = a[..., j] * b[..., k] - a[..., k] * b[..., j]
+    product[0], product[1], product[2] = a2 * b3 - a3 * b2, a3 * b1 - a1 * b3, a1 * b2 - a2 * b1
     return product

@@ -101,16 +101,11 @@ class Part:
     def zero_columns(self, model: LinearModel, bodies: Array, zeros: Array) -> Array:
         """How the averaged torque of `bodies` (nbody) changes with each zero (nwindow x ntest x njoint x njoint)."""
         windows, n = self.windows.thinned(4), model.njoint
-        columns = np.empty((len(windows), 2, n, n))
-
-        def needed(moved: Array) -> Array:
-            return windows.averaged(model.rigid(bodies, moved, windows.speeds, windows.accelerations))
-
-        usual = needed(windows.coordinates + zeros)
-        for joint in range(n):
-            moved = windows.coordinates + zeros + SHIFT * (np.arange(n) == joint)
-            columns[..., joint] = (needed(moved) - usual) / SHIFT
-        return columns
+        shifts = SHIFT * np.vstack([np.zeros(n), np.eye(n)])
+        moved = windows.coordinates + (zeros + shifts)[:, None, None]
+        moving = (np.broadcast_to(each, moved.shape) for each in (windows.speeds, windows.accelerations))
+        usual, *others = map(windows.averaged, model.rigid(bodies, moved, *moving))
+        return np.stack([(each - usual) / SHIFT for each in others], axis=-1)
 
 
 @dataclass(frozen=True)

@@ -58,7 +58,8 @@ class LinearModel:
         covariance: of these (nbody x nbody).
         bodies: the torque (... x njoint x nbody) for a unit of each of the bodies' unknowns, of joint coordinates,
             speeds and accelerations (... x njoint each).
-        rigid: the torque (... x njoint) of bodies with such values (nbody), of the same: for an arm at much less cost.
+        rigid: the torque (... x njoint) of bodies with such values (nbody, or ... x nbody), of the same: for an arm at
+            much less cost.
         joints: the names of the joints (njoint).
         slides: which joints (njoint) are slides.
         friction: the terms of the joints, in the order of COLUMNS.
@@ -286,7 +287,7 @@ def chain_model(chain: Chain, gravity: float, friction: tuple[str, ...] = ("visc
         return np.concatenate([law.regressor(angles, speeds, accelerations), turned], axis=-1)
 
     def _rigid(values: Array, angles: Array, speeds: Array, accelerations: Array) -> Array:
-        return np.asarray(bodies(angles, speeds, accelerations) @ values)
+        return np.asarray((bodies(angles, speeds, accelerations) @ values[..., None])[..., 0])
 
     names = [*names, *(f"rotor_{i + 1}" for i in range(1, n))]
     sliding = Sliding(np.zeros(n), np.full(n, STILL))
@@ -334,10 +335,11 @@ def arm_model(
         return every.reshape(*every.shape[:-2], -1)[..., columns]
 
     def _rigid(values: Array, coordinates: Array, speeds: Array, accelerations: Array) -> Array:
-        parameters = np.zeros((tree.njoint, len(PARAMETERS)))
-        parameters.flat[columns] = values
+        every = np.zeros((*values.shape[:-1], tree.njoint * len(PARAMETERS)))
+        every[..., columns] = values
+        parameters = every.reshape(*values.shape[:-1], tree.njoint, len(PARAMETERS))
         needed = body_torque(tree, parameters, coordinates, speeds, accelerations)
-        return needed + parameters[:, ROTOR] * accelerations
+        return needed + parameters[..., ROTOR] * accelerations
 
     def chosen(texts: tuple[str, ...]) -> tuple[str, ...]:
         return tuple(text for text, is_kept in zip(texts, kept, strict=True) if is_kept)

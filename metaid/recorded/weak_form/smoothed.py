@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,14 +59,22 @@ class Smoothed:
         """The time between two rows, in s."""
         return float(self.times[1] - self.times[0])
 
-    @property
+    def until(self, time: float) -> Smoothed:
+        """The rows before a `time`, in s; torques fade out of the filter in a few periods of its cut-off."""
+        rows = slice(int(np.searchsorted(self.times, time)))
+        own = {each: getattr(self, each)[rows] for each in ("times", "coordinates", "speeds", "accelerations")}
+        return Smoothed(**own, sent=self.sent[rows], judged=self.judged[rows], cutoff=self.cutoff)
+
+    @cached_property
     def torques(self) -> Array:
         """The logged torques through the filter (nrow x njoint), in N m or N."""
         return self.filtered(self.sent)
 
     def filtered(self, torques: Array) -> Array:
-        """Torques (nrow x njoint) through the filter."""
-        return low_pass(torques, self.cutoff, self.period)
+        """Torques (... x nrow x njoint) through the filter."""
+        rows = np.moveaxis(torques, -2, 0)
+        passed = low_pass(rows.reshape(len(rows), -1), self.cutoff, self.period)
+        return np.moveaxis(passed.reshape(rows.shape), 0, -2)
 
     def states(self, model: LinearModel) -> Array:
         """The state of dry friction along the grid (nrow x nmotor)."""
