@@ -13,12 +13,15 @@ from metaid.models.closest_bodies import Matrices, closest
 from metaid.models.lumps import Array
 from metaid.models.nearest_bodies import Nearest
 from metaid.models.tree.arm_prior import LEAST_LEVER, ArmPrior
-from metaid.models.tree.regressor import BODY, MOMENTS
+from metaid.models.tree.regressor import BODY
 from metaid.models.tree.tree import PARAMETERS, Tree
 
 FLAT = 1e-3  # of a body's size: a nominal body that is thinner counts as this thick
 SMALL = 0.1  # of the deviation of a rotor's inertia: a nominal rotor of 0 counts as this
 ROTOR = BODY
+MOMENTS = np.zeros((3, 3, 6))  # the matrix of inertia from its six moments
+for _row, _column, _moment in ((0, 0, 0), (0, 1, 1), (0, 2, 2), (1, 1, 3), (1, 2, 4), (2, 2, 5)):
+    MOMENTS[_row, _column, _moment] = MOMENTS[_column, _row, _moment] = 1.0
 _PSEUDO = np.zeros((4, 4, BODY))
 _PSEUDO[3, 3, 0] = 1.0
 _PSEUDO[:3, 3, 1:4] = _PSEUDO[3, :3, 1:4] = np.eye(3)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from metaid.models.lumps import Array
-from metaid.models.tree.regressor import MOMENTS
+from metaid.models.tree.bodies import MOMENTS
 from metaid.models.tree.tree import Tree
 
 MISPLACED, TURNED = 0.005, 0.01  # m, rad: how far a joint may be from where it is said to be, a standard deviation

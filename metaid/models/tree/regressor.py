@@ -20,9 +20,6 @@ BODY = 10  # of PARAMETERS, those of the link itself; the others are its joint's
 _SKEW = np.zeros((3, 3, 3))  # (a x b)_i = _SKEW[i, j, k] a_j b_k
 _SKEW[[0, 1, 2], [1, 2, 0], [2, 0, 1]] = 1.0
 _SKEW[[0, 1, 2], [2, 0, 1], [1, 2, 0]] = -1.0
-MOMENTS = np.zeros((3, 3, 6))  # the matrix of inertia from its six moments
-for _row, _column, _moment in ((0, 0, 0), (0, 1, 1), (0, 2, 2), (1, 1, 3), (1, 2, 4), (2, 2, 5)):
-    MOMENTS[_row, _column, _moment] = MOMENTS[_column, _row, _moment] = 1.0
 
 
 def torque_regressor(tree: Tree, coordinates: Array, speeds: Array, accelerations: Array) -> Array:
@@ -45,7 +42,8 @@ def torque_regressor(tree: Tree, coordinates: Array, speeds: Array, acceleration
         # A hinge turns the link, and moves its origin on a circle; a slide moves it.
         slides = tree.slides[: i + 1].reshape(i + 1, *[1] * len(lead))
         twists = np.concatenate([np.where(slides, 0.0, axes), np.where(slides, axes, -_cross(axes, origins))])
-        regressor[..., : i + 1, i, :BODY] = np.moveaxis(twists, (0, 1), (-1, -2)) @ _of_body(link)  # Eq. 51
+        columns = np.einsum("kj...,kp...->jp...", twists, _of_body(link))  # Eq. 51
+        regressor[..., : i + 1, i, :BODY] = np.moveaxis(columns, (0, 1), (-2, -1))
         friction = accelerations[..., i], speeds[..., i], sliding(speeds[..., i])
         for parameter, each in enumerate(friction, start=BODY):
             regressor[..., i, i, parameter] = each
@@ -178,22 +176,25 @@ def _placed(tree: Tree, joint: int, coordinate: Array) -> tuple[_Turn, Array]:
 
 
 def _of_body(link: _Link) -> Array:
-    """Moment about the origin of a link's frame, and force (... x 6 x 10) for a unit of each parameter of its body.
+    """Moment about the origin of a link's frame, and force (6 x 10 x ...) for a unit of each parameter of its body.
     Eq. 50.
     """
-    spin, spin_rate, rate = (np.moveaxis(each, 0, -1) for each in (link.spin, link.spin_rate, link.rate))
-    turning, faster, forward = (_tensor(each, _SKEW) for each in (spin, spin_rate, rate))
-    of_spin, of_rate = (_tensor(each, MOMENTS) for each in (spin, spin_rate))
-    none = np.zeros_like(turning)
-    moment = np.concatenate([none[..., :1], -forward, of_rate + turning @ of_spin], axis=-1)
-    force = np.concatenate([rate[..., None], faster + turning @ turning, none, none], axis=-1)
-    return np.concatenate([moment, force], axis=-2)
-
-
-def _tensor(vector: Array, tensor: Array) -> Array:
-    """Σ_j T_ijk v_j (... x 3 x k) of vectors v (... x 3) and a tensor T (3 x 3 x k)."""
-    flat = vector @ tensor.swapaxes(0, 1).reshape(3, -1)
-    return flat.reshape(*vector.shape[:-1], 3, tensor.shape[-1])
+    wrench = np.zeros((6, BODY, *link.rate.shape[1:]))
+    moment, force = wrench[:3], wrench[3:]
+    (x, y, z), faster, rate = link.spin, link.spin_rate, link.rate
+    u, v, w = faster
+    xx, yy, zz, xy, xz, yz = x * x, y * y, z * z, x * y, x * z, y * z
+    force[:, 0] = rate
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):  # c × v̇ and ω̇ × c of the first moments c
+        moment[i, 1 + k], moment[j, 1 + k] = -rate[j], rate[i]
+        force[i, 1 + k], force[j, 1 + k] = faster[j], -faster[i]
+    force[:, 1:4] += ((-yy - zz, xy, xz), (xy, -xx - zz, yz), (xz, yz, -xx - yy))  # ω × (ω × c)
+    moment[:, 4:] = (  # I ω̇ + ω × I ω of the moments of inertia
+        (u, v - xz, w + xy, -yz, yy - zz, yz),
+        (xz, u + yz, zz - xx, v, w - xy, -xz),
+        (-xy, xx - yy, u - yz, xy, v + xz, w),
+    )
+    return wrench
 
 
 def _product(moments: Array, vectors: Array) -> Array:
