@@ -67,8 +67,8 @@ def row(robot: str) -> dict[str, Any]:
             def torques(angles: Array, speeds: Array, accelerations: Array, values: Array = true) -> Array:
                 return np.asarray(model.regressor(angles, speeds, accelerations) @ values, dtype=np.float64)
 
-            log = recorded(torques, found.series, found.seconds, noise, 100 + seed)
-            told = estimate_records([log], model, Choices(friction=FRICTION, zeros=False, delay=0.0))
+            logs = recorded(torques, found.series, found.seconds, noise, [100 + seed])
+            told = estimate_records(logs, model, Choices(friction=FRICTION, zeros=False, delay=0.0))
             errors.append(told.values - true)
             deviations.append(told.deviations)
     share = np.sqrt(np.mean(np.square(errors), axis=0)) / found.forecast.deviations

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -56,29 +56,30 @@ class Forecast:
     unknown: tuple[str, ...]
 
 
-def recorded(torques: Torques, series: Series, seconds: float, noise: Noise, seed: int) -> Record:
-    """The log of a robot that follows a series exactly, again and again.
+def recorded(torques: Torques, series: Series, seconds: float, noise: Noise, seeds: Sequence[int]) -> list[Record]:
+    """Logs of a robot that follows a series exactly, again and again.
 
     Args:
         torques: that the robot needs.
         series: the motion.
-        seconds: of the log.
+        seconds: of a log.
         noise: of it.
-        seed: of the noise.
+        seeds: of the noise of each.
     """
-    random, times = np.random.default_rng(seed), noise.period * np.arange(round(seconds / noise.period))
+    times = np.asarray(noise.period * np.arange(round(seconds / noise.period)), dtype=np.float64)
     angles = series.at(times).angles
     held = series.at(times + 0.5 * noise.period)  # a torque holds until the next
     sent = torques(held.angles, held.speeds, held.accelerations)
     size = noise.torque * np.sqrt((sent**2).mean(axis=0))
     keeps = float(np.exp(-noise.period / LASTS))
-    drawn = random.standard_normal(sent.shape)
-    unexplained = np.empty_like(drawn)
-    unexplained[0] = drawn[0]
-    for row in range(1, len(drawn)):
-        unexplained[row] = keeps * unexplained[row - 1] + np.sqrt(1.0 - keeps**2) * drawn[row]
-    angles = angles + noise.angle * random.standard_normal(angles.shape)
-    return Record("motion", np.asarray(times), np.asarray(angles), None, np.asarray(sent + size * unexplained))
+    drawn = np.array([np.random.default_rng(seed).standard_normal((2, *sent.shape)) for seed in seeds])
+    unexplained = drawn[:, 0]
+    for row in range(1, len(times)):
+        unexplained[:, row] = keeps * unexplained[:, row - 1] + np.sqrt(1.0 - keeps**2) * unexplained[:, row]
+    return [
+        Record("motion", times, angles + noise.angle * of_angles, None, sent + size * of_torques)
+        for of_torques, of_angles in zip(unexplained, drawn[:, 1], strict=True)
+    ]
 
 
 def forecast(model: LinearModel, nominal: Array, series: Series, seconds: float, noise: Noise) -> Forecast:
@@ -95,18 +96,18 @@ def forecast(model: LinearModel, nominal: Array, series: Series, seconds: float,
     def torques(angles: Array, speeds: Array, accelerations: Array) -> Array:
         return np.asarray(model.regressor(angles, speeds, accelerations) @ nominal, dtype=np.float64)
 
-    first = recorded(torques, series, seconds, noise, 0)
-    found = estimate_records([first], model, Choices(friction=FRICTION, zeros=False, delay=0.0))
+    logs = recorded(torques, series, seconds, noise, range(REHEARSED))
+    found = estimate_records(logs[:1], model, Choices(friction=FRICTION, zeros=False, delay=0.0))
 
-    def rehearse(seed: int) -> tuple[Array, Array, Array]:
-        equations = equations_like(found, recorded(torques, series, seconds, noise, seed))
+    def rehearse(record: Record) -> tuple[Array, Array, Array]:
+        equations = equations_like(found, record)
         solution = equations.solved[0]
         inverse = np.linalg.inv(solution.precision)
         of_prior = np.diag(inverse @ solution.prior @ inverse)
         return np.diag(equations.covariance(solution.values)), of_prior, solution.values - nominal
 
     with ThreadPoolExecutor(THREADS) as pool:
-        variances, beforehand, errors = zip(*pool.map(rehearse, range(REHEARSED)), strict=True)
+        variances, beforehand, errors = zip(*pool.map(rehearse, logs), strict=True)
     prior = np.mean(beforehand, axis=0)  # which errors do not show where the nominal robot is the truth
     usual = np.mean(variances, axis=0) - prior
     growth = np.mean(np.square(errors) / usual, axis=0)  # by errors that last longer than a covariance counts

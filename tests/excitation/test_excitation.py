@@ -116,7 +116,7 @@ def test_promised_deviations_hold_for_robots_that_are_30_percent_off(pendulum: E
         def torques(angles: Array, speeds: Array, accelerations: Array, values: Array = values) -> Array:
             return np.asarray(model.regressor(angles, speeds, accelerations) @ values)
 
-        log = recorded(torques, pendulum.series, pendulum.seconds, noise, 100 + seed)
+        (log,) = recorded(torques, pendulum.series, pendulum.seconds, noise, [100 + seed])
         found = found or estimate_records(
             [log], model, Choices(friction=("viscous", "coulomb"), zeros=False, delay=0.0)
         )
@@ -144,7 +144,7 @@ def test_of_windows_that_predict_alike_the_finest_are_taken(arm: tuple[Excitatio
     rows = model.regressor(*(random.uniform(-most, most, (500, 3)) for most in (1.5, 2.0, 8.0)))
     spans = []
     for seed in range(4):
-        log = recorded(torques, found.series, found.seconds, Noise(), seed)
+        (log,) = recorded(torques, found.series, found.seconds, Noise(), [seed])
         told = estimate_records([log], model, Choices(friction=FRICTION, zeros=False, delay=0.0))
         spans.append(told.equations.span)
         assert np.linalg.norm(rows @ (told.values - nominal)) < 0.008 * np.linalg.norm(rows @ nominal)

@@ -20,6 +20,7 @@ OVERLAP = 0.5  # of a window with the next
 MOST = 2_500, 10_000  # windows of a log, of robots with many joints and with few: of a longer one every second alone
 NODES = 32  # in a window, at which the model's torque is evaluated
 AT_REST = 0.005  # of a joint's fastest speed: a window in which no joint is faster is left out
+SIDE_BY_SIDE = 50_000  # readings of windows that are fitted at once
 GAP = 0.15  # of a window without a reading: nobody knows which torques were sent there
 TESTS = (Polynomial([1.0, 0.0, -1.0]) ** 2, Polynomial([1.0, 0.0, -1.0]) ** 2 * Polynomial([0.0, 2.0]))  # ψ(s)
 
@@ -147,28 +148,12 @@ def cut_windows(record: Record, span: float, power: int, overlap: float = OVERLA
     unit = np.eye(power + 1)
     once, twice = (legendre.legval(nodes, legendre.legder(unit, order)).T for order in (1, 2))
     scale = 2.0 / span
-    widest = max(GAP * span, 1.5 * record.period)  # between two readings
-    kept, coefficients, left, counts = [], [], [], []
-    for middle in middles:
-        begin, end = np.searchsorted(record.times, (middle - 0.5 * span, middle + 0.5 * span))
-        if end - begin < 2 * (power + 1):
-            continue
-        edges = middle - 0.5 * span, middle + 0.5 * span
-        if np.diff(record.times[begin:end], prepend=edges[0], append=edges[1]).max() > widest:
-            continue
-        own = scale * (record.times[begin:end] - middle)
-        readings = record.angles[begin:end]
-        vandermonde = legendre.legvander(own, power)
-        fitted = np.linalg.lstsq(vandermonde, readings, rcond=None)[0]
-        kept.append(middle)
-        counts.append(end - begin)
-        coefficients.append(fitted)
-        left.append(((readings - vandermonde @ fitted) ** 2).sum(axis=0) / (end - begin - power - 1))
-    if not kept:
+    fitted, left, counts = _fitted(record, middles, span, power)
+    is_kept = counts > 0
+    if not is_kept.any():
         return None
-    stacked = np.array(coefficients)
     coordinates, speeds, accelerations = (
-        np.einsum("nk,wkj->wnj", basis, stacked) for basis in (at_nodes, scale * once, scale**2 * twice)
+        np.einsum("nk,wkj->wnj", basis, fitted[is_kept]) for basis in (at_nodes, scale * once, scale**2 * twice)
     )
     fastest = np.abs(speeds).max(axis=1)
     moves = (fastest > AT_REST * np.quantile(fastest, 0.95, axis=0)).any(axis=1) & (fastest > 0.0).any(axis=1)
@@ -177,12 +162,45 @@ def cut_windows(record: Record, span: float, power: int, overlap: float = OVERLA
     return Windows(
         span,
         power,
-        np.array(kept)[moves],
+        middles[is_kept][moves],
         coordinates[moves],
         speeds[moves],
         accelerations[moves],
         nodes,
-        int(np.median(counts)),
-        np.sqrt(np.median(left, axis=0)),
+        int(np.median(counts[is_kept])),
+        np.sqrt(np.median(left[is_kept], axis=0)),
         apart,
     )
+
+
+def _fitted(record: Record, middles: Array, span: float, power: int) -> tuple[Array, Array, NDArray[np.intp]]:
+    """The polynomials of all windows: coefficients (nwindow x power + 1 x njoint) in rad or m, variances of what they
+    leave of the readings (nwindow x njoint), and how many these are (nwindow), 0 where they are too few or too far
+    apart.
+
+    Args:
+        record: the log.
+        middles: when each window is half over (nwindow), in s.
+        span: length of a window, in s.
+        power: degree of the polynomials.
+    """
+    before, after = middles - 0.5 * span, middles + 0.5 * span
+    begins, ends = np.searchsorted(record.times, (before, after))
+    counts = np.where(ends - begins >= 2 * (power + 1), ends - begins, 0)
+    widest = max(GAP * span, 1.5 * record.period)  # between two readings
+    coefficients, left = np.zeros((len(middles), power + 1, record.njoint)), np.zeros((len(middles), record.njoint))
+    for count in np.unique(counts[counts > 0]).tolist():
+        alike = np.flatnonzero(counts == count)
+        for which in np.array_split(alike, -(-len(alike) * count // SIDE_BY_SIDE)):
+            rows = begins[which, None] + np.arange(count)
+            times = record.times[rows]
+            edged = np.column_stack([before[which], times, after[which]])
+            is_near = np.diff(edged, axis=1).max(axis=1) <= widest
+            counts[which[~is_near]] = 0
+            which, rows, times = which[is_near], rows[is_near], times[is_near]
+            vandermonde = legendre.legvander((times - middles[which, None]) * (2.0 / span), power)
+            transposed, readings = vandermonde.swapaxes(1, 2), record.angles[rows]
+            coefficients[which] = np.linalg.solve(transposed @ vandermonde, transposed @ readings)
+            errors = readings - vandermonde @ coefficients[which]
+            left[which] = (errors**2).sum(axis=1) / (count - power - 1)
+    return coefficients, left, counts
