@@ -21,6 +21,7 @@ from benchmarks.real.judging import Log, Missed
 from benchmarks.real.lines import Line, Table
 from benchmarks.real.printed import printed_line
 from benchmarks.real.torques import CLASSIC, STILL, YARDSTICK, Turn, in_turn, read_test, row_of
+from benchmarks.real.urdf import urdf_of
 from metaid.models import Array
 from metaid.plant import ArmPlant, load_plant
 from metaid.recorded import arm_model
@@ -47,33 +48,6 @@ BODIES = np.array(
 MOST_BESIDE = 1.0
 
 
-def nominal(place: Path) -> Path:
-    """A URDF of the authors' bodies."""
-    parts, before = (
-        ['<robot name="shanghai"><mujoco><compiler balanceinertia="true"/></mujoco><link name="base"/>'],
-        "base",
-    )
-    for joint, (mass, *rest) in enumerate(BODIES.tolist()):
-        com = np.array(rest[:3]) / mass
-        xx, xy, xz, yy, yz, zz = rest[3:]
-        about = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) - mass * (
-            com @ com * np.eye(3) - np.outer(com, com)
-        )
-        moments = " ".join(f'i{"xyz"[i]}{"xyz"[j]}="{about[i, j]:.9g}"' for i in range(3) for j in range(i, 3))
-        sine, cosine = np.sin(ALPHA[joint]), np.cos(ALPHA[joint])
-        parts.append(
-            f'<link name="link{joint + 1}"><inertial><origin xyz="{com[0]:.9g} {com[1]:.9g} {com[2]:.9g}"/>'
-            f'<mass value="{mass}"/><inertia {moments}/></inertial></link>'
-            f'<joint name="joint{joint + 1}" type="continuous"><parent link="{before}"/><child link="link{joint + 1}"/>'
-            f'<origin xyz="{A[joint]} {-sine * D[joint]:.9g} {cosine * D[joint]:.9g}" rpy="{ALPHA[joint]:.12g} 0 0"/>'
-            '<axis xyz="0 0 1"/></joint>'
-        )
-        before = f"link{joint + 1}"
-    path = place / "shanghai.urdf"
-    path.write_text("".join(parts) + "</robot>", encoding="utf-8")
-    return path
-
-
 def read_log(folder: Path, number: int) -> tuple[pd.DataFrame, Log]:
     """A log as its user has it, with the authors' constants, and the readings of it."""
 
@@ -98,7 +72,7 @@ def read_log(folder: Path, number: int) -> tuple[pd.DataFrame, Log]:
 
 def measure(folder: Path, place: Path) -> Iterator[Table | Line]:
     """Tables and lines; model files are written to a `place`."""
-    urdf = nominal(place)
+    urdf = urdf_of("shanghai", ALPHA, A, D, BODIES, place)
     arm, plain = load_plant(urdf), mujoco.MjModel.from_xml_path(str(urdf))
     assert isinstance(arm, ArmPlant)
     classic = arm_model(arm.tree, CLASSIC).with_still(np.full(NJOINT, STILL))

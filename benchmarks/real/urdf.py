@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -24,6 +25,45 @@ def bare_urdf(path: Path, place: Path) -> Path:
     copy = place / path.name
     tree.write(copy)
     return copy
+
+
+def urdf_of(
+    name: str, twists: Sequence[float], along: Sequence[float], offsets: Sequence[float], bodies: Array, place: Path
+) -> Path:
+    """A URDF, in a `place`, of hinges `joint1`, `joint2`, ... in modified Denavit-Hartenberg frames.
+
+    Args:
+        name: of the robot, and of the file.
+        twists: of each joint's axis against that before, about its x, in rad.
+        along: from that before, along its x, in m.
+        offsets: along the joint's own axis, in m.
+        bodies: of each link its mass in kg, first moment in kg m, and xx, xy, xz, yy, yz, zz in kg m² about the origin
+            of its frame (nlink x 10).
+        place: where it is written.
+    """
+    parts, before = (
+        [f'<robot name="{name}"><mujoco><compiler balanceinertia="true"/></mujoco><link name="base"/>'],
+        "base",
+    )
+    for joint, (mass, *rest) in enumerate(bodies.tolist()):
+        com = np.array(rest[:3]) / mass
+        xx, xy, xz, yy, yz, zz = rest[3:]
+        about = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) - mass * (
+            com @ com * np.eye(3) - np.outer(com, com)
+        )
+        moments = " ".join(f'i{"xyz"[i]}{"xyz"[j]}="{about[i, j]:.9g}"' for i in range(3) for j in range(i, 3))
+        sine, cosine = np.sin(twists[joint]), np.cos(twists[joint])
+        parts.append(
+            f'<link name="link{joint + 1}"><inertial><origin xyz="{com[0]:.9g} {com[1]:.9g} {com[2]:.9g}"/>'
+            f'<mass value="{mass}"/><inertia {moments}/></inertial></link>'
+            f'<joint name="joint{joint + 1}" type="continuous"><parent link="{before}"/><child link="link{joint + 1}"/>'
+            f'<origin xyz="{along[joint]} {-sine * offsets[joint]:.9g} {cosine * offsets[joint]:.9g}" '
+            f'rpy="{twists[joint]:.12g} 0 0"/><axis xyz="0 0 1"/></joint>'
+        )
+        before = f"link{joint + 1}"
+    path = place / f"{name}.urdf"
+    path.write_text("".join(parts) + "</robot>", encoding="utf-8")
+    return path
 
 
 def with_bodies(model: Any, parameters: Array) -> Any:
