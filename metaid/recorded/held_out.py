@@ -141,9 +141,7 @@ class Yardstick:
         """
         own = self.logs[log]
         if zeros.any():
-            moved = own.coordinates + zeros[..., None, :]
-            moving = (np.broadcast_to(each, moved.shape) for each in (own.speeds, own.accelerations))
-            return model.rigid(bodies, moved, *moving)
+            return model.rigid(bodies, own.coordinates + zeros[..., None, :], own.speeds, own.accelerations)
         return np.asarray(self._columns(model, log) @ bodies)
 
     def _columns(self, model: LinearModel, log: int) -> Array:

@@ -113,9 +113,8 @@ def simulated(model: LinearModel, begun: Sequence[Begun], delay: float) -> Motio
             after: about those at its end (nstart x njoint), in rad/s.
             rigid: the torque that loads the joints (nstart x njoint), in N m.
         """
-        shape = (len(angles), n + 1, n)
-        where, moving = (np.broadcast_to(part[:, None], shape) for part in (angles, speeds))
-        needed = model.rigid(bodies[:, None], where, moving, np.broadcast_to(units, shape))
+        where = np.broadcast_to(angles[:, None], (len(angles), n + 1, n))
+        needed = model.rigid(bodies[:, None], where, speeds[:, None], units)
         matrices = (needed[:, 1:] - needed[:, :1]).swapaxes(-1, -2) + spun
         present = friction(before, rigid)
         across = np.where(np.abs(after - before) > SLIGHT, after - before, SLIGHT)

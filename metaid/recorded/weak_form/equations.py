@@ -35,7 +35,7 @@ LEAST = 1e-9  # of the largest torque, that any joint's error is at least: round
 CHUNK = 2_000_000  # numbers at nodes that are made at a time
 PASSIVE, LEAST_PASSIVE = 0.1, 1e-3  # of the terms that cancel in a joint without a motor: its error, and the least
 UNTRUSTED = 1e12  # times the largest torque, squared: the variance of one that is not trusted
-SHIFT = 1e-5  # rad, for derivatives by a zero
+SHIFT = 1e-5  # rad or m, for derivatives by a zero
 
 
 @dataclass(frozen=True)
@@ -103,8 +103,7 @@ class Part:
         windows, n = self.windows.thinned(4), model.njoint
         shifts = SHIFT * np.vstack([np.zeros(n), np.eye(n)])
         moved = windows.coordinates + (zeros + shifts)[:, None, None]
-        moving = (np.broadcast_to(each, moved.shape) for each in (windows.speeds, windows.accelerations))
-        usual, *others = map(windows.averaged, model.rigid(bodies, moved, *moving))
+        usual, *others = map(windows.averaged, model.rigid(bodies, moved, windows.speeds, windows.accelerations))
         return np.stack([(each - usual) / SHIFT for each in others], axis=-1)
 
 

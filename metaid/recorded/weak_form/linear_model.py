@@ -58,8 +58,8 @@ class LinearModel:
         covariance: of these (nbody x nbody).
         bodies: the torque (... x njoint x nbody) for a unit of each of the bodies' unknowns, of joint coordinates,
             speeds and accelerations (... x njoint each).
-        rigid: the torque (... x njoint) of bodies with such values (nbody, or ... x nbody), of the same: for an arm at
-            much less cost.
+        rigid: the torque (... x njoint) of bodies with such values (nbody, or ... x nbody), of the same, where speeds
+            and accelerations are broadcast to coordinates: for an arm at much less cost.
         joints: the names of the joints (njoint).
         slides: which joints (njoint) are slides.
         friction: the terms of the joints, in the order of COLUMNS.
