@@ -135,3 +135,41 @@ def test_map_says_what_a_column_is() -> None:
         with pytest.raises(RecordError, match="map") as refused:
             read(log, columns=mapping)
         assert says in str(refused.value)
+
+
+@pytest.mark.parametrize("called", ["tau_raw{}", "{} sensor [Nm]", "Tau-{}-filtered"])
+@pytest.mark.parametrize("first", [0, 1])
+def test_map_says_what_all_columns_of_a_word_are(called: str, first: int) -> None:
+    """Whatever the case and what stands between; a wrong word is refused with those that there are."""
+    words = {f"torque_{joint + 1}": called.format(joint + first) for joint in range(2)}
+    log = clean().rename(columns=words).assign(torque_1=0.0, torque_2=0.0)
+    word = called.replace("{}", "").strip(" -").lower()
+    for mapping in ({word: "torque"}, {"torque": word}):
+        np.testing.assert_array_equal(read(log, columns=mapping).torques, read(clean()).torques)
+    with pytest.raises(RecordError, match=r"map: unknown word 'taus'.*angle, speed, .*torque"):
+        read(log, columns={"taus": "torque"})
+
+
+def test_map_goes_by_names_of_joints_as_well() -> None:
+    """Which may stand anywhere in the columns' names."""
+    log = clean().rename(columns={"torque_1": "arm/elbow/sensor", "torque_2": "arm/hand/sensor"})
+    log = log.rename(columns=lambda name: name.replace("_1", "_elbow").replace("_2", "_hand"))
+    record = read(log, joints=("hand", "elbow"), columns={"arm/sensor": "torque"})
+    np.testing.assert_array_equal(record.torques, read(clean()).torques[:, ::-1])
+
+
+def test_other_columns_that_may_be_torques_are_named() -> None:
+    """Where nobody has said which they are; what was only wished is no measurement."""
+    others = {f"{word}{joint}": 0.0 for word in ("tau_motor", "tau_cmd", "tau_model") for joint in (1, 2)}
+    (said,) = read(clean().assign(**others)).repairs
+    assert said.text == "tau_motor may be torques, too: --map tau_motor=torque reads them instead"
+    named = {"torque_1": "torque_1", "torque_2": "torque_2"}
+    assert not read(clean().assign(**others).rename(columns={"tau_motor2": "x"}), columns=named).repairs
+
+
+@pytest.mark.parametrize("speed", ["theta_dot{}", "D_Theta_{}", "q{}_dot", "der_pos_{}", "dot_phi_{}"])
+def test_speed_is_the_derivative_of_an_angle(speed: str) -> None:
+    """Of which an acceleration is not one."""
+    log = clean().rename(columns={f"speed_{joint}": speed.format(joint) for joint in (1, 2)})
+    log = log.assign(**{f"theta_ddot{joint}": 0.0 for joint in (1, 2)}, d_d_theta_1=0.0, d_d_theta_2=0.0)
+    np.testing.assert_array_equal(read(log).speeds, read(clean()).speeds)

@@ -22,6 +22,12 @@ WRITTEN: dict[str, Callable[[pd.DataFrame, Path], object]] = {
     "blanks": lambda log, path: np.savetxt(path, log, header=" ".join(log.columns)),
     "UTF-16": lambda log, path: log.to_csv(path, index=False, sep="\t", encoding="utf-16"),
     "a title": lambda log, path: path.write_text("Log of 3 May\n\n" + log.to_csv(index=False)),
+    "ends of lines": lambda log, path: path.write_text(
+        "Friday, 3 May\t12:07\tControl\n\n"
+        + "\t".join(log.columns)
+        + "\n"
+        + log.to_csv(index=False, header=False, sep="\t", lineterminator="\t\n")
+    ),
     "an index": lambda log, path: log.to_csv(path),
     "quotes": lambda log, path: log.to_csv(path, index=False, quoting=1),
 }
@@ -29,14 +35,15 @@ WRITTEN: dict[str, Callable[[pd.DataFrame, Path], object]] = {
 
 @pytest.mark.parametrize("how", WRITTEN)
 def test_text_is_read_as_it_is_written(how: str, tmp_path: Path) -> None:
-    """Whatever separates columns, with decimal commas, a byte order mark, and a title above."""
+    """Whatever separates columns or ends lines, with decimal commas, a byte order mark, and a title above."""
     path = tmp_path / ("log.dat" if how == "blanks" else "log.csv")
     WRITTEN[how](clean(), path)
     record = read(str(path))
     usual = read(clean())
     np.testing.assert_allclose(record.angles, usual.angles, atol=1e-12)
     np.testing.assert_allclose(record.torques, usual.torques, atol=1e-12)
-    assert kinds(record) == (["format"] if how in ("semicolons", "tabs", "blanks", "UTF-16") else [])
+    separated = ("semicolons", "tabs", "blanks", "UTF-16", "ends of lines")
+    assert kinds(record) == (["format"] if how in separated else [])
 
 
 def arrays_of(log: pd.DataFrame) -> dict[str, np.ndarray]:

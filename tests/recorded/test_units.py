@@ -56,3 +56,45 @@ def test_column_that_says_radians_may_turn_many_times() -> None:
         read(log)
     said = log.rename(columns={"angle_1": "Angle 1 (rad)", "speed_1": "Speed 1 (rad/sec)"})
     np.testing.assert_allclose(read(said).angles[:, 0], log["angle_1"])
+
+
+@pytest.mark.parametrize(
+    ("kind", "spelled", "size"),
+    [
+        *(("angle", each, np.pi / 180.0) for each in ("angle_1 [deg]", "angle1_deg", "pos (°) 1", "qDeg1")),
+        ("angle", "angle_1 (mrad)", 1e-3),
+        ("angle", "turns_q1", 2.0 * np.pi),
+        *(("speed", each, np.pi / 30.0) for each in ("speed_1 [rpm]", "dq1_rpm", "velocity 1 (rev/min)")),
+        *(("speed", each, np.pi / 180.0) for each in ("speed_1 [deg/s]", "dq_1_deg_per_s", "velDps1")),
+        *(("torque", each, 1e-3) for each in ("torque_1 [mNm]", "tau1_mNm", "effort 1 (mN·m)")),
+        ("torque", "torque_1_Ncm", 1e-2),
+    ],
+)
+def test_unit_in_the_name_of_a_column_is_taken(kind: str, spelled: str, size: float) -> None:
+    """And it is said; readings of the other joint stay in ours."""
+    usual = read(clean())
+    log = clean().assign(**{f"{kind}_1": clean()[f"{kind}_1"] / size}).rename(columns={f"{kind}_1": spelled})
+    log = log.rename(columns={f"{kind}_2": spelled.replace("1", "2")})
+    log[spelled.replace("1", "2")] /= size
+    record = read(log)
+    for name in ("angles", "speeds", "torques"):
+        np.testing.assert_allclose(getattr(record, name), getattr(usual, name), rtol=1e-12)
+    assert record.repairs[-1].text.startswith(f"{spelled} to {spelled.replace('1', '2')} are in ")
+
+
+def test_user_says_the_unit_of_columns_whose_names_do_not() -> None:
+    """All of a word at once, or one by one; another unit is refused with those that there are."""
+    usual, log = read(clean()), clean()
+    turned = {name: np.rad2deg(log[name]) for name in ("angle_1", "angle_2")}
+    record = read(log.assign(**turned), columns={"angle": "angle:deg"})
+    np.testing.assert_allclose(record.angles, usual.angles, rtol=1e-12)
+    record = read(log.assign(angle_2=turned["angle_2"]), columns={"angle_2": "angle_2:deg"})
+    np.testing.assert_allclose(record.angles, usual.angles, rtol=1e-12)
+    with pytest.raises(RecordError, match=r"unknown unit 'grad'.*\(allowed: rad, mrad, deg, turn, m, mm\)"):
+        read(log, columns={"angle": "angle:grad"})
+
+
+def test_unit_that_a_name_says_wrongly_is_refused_by_the_speeds() -> None:
+    """Angles in rad whose column says that they are in degrees."""
+    with pytest.raises(RecordError, match=r"times how fast angle_1_deg changes, which looks like degrees"):
+        read(clean().rename(columns={"angle_1": "angle_1_deg", "angle_2": "angle_2_deg"}))

@@ -68,7 +68,7 @@ class LogsCommand(click.Command):
 @click.option("--friction", metavar="TERMS", help=FRICTION_HELP)
 @click.option("--couple", "couples", metavar="I,J", multiple=True, help="Two joints whose motors are coupled.")
 @click.option("--absolute", metavar="JOINT", multiple=True, help=ABSOLUTE_HELP)
-@click.option("--map", "columns", metavar="OWN=OURS", multiple=True, help="What a column is: pwm=torque_1.")
+@click.option("--map", "columns", metavar="OWN=OURS", multiple=True, help="What columns are: pwm=torque, q=angle:deg.")
 @click.option("--topic", metavar="NAME", hidden=True, help="Of joint states in a bag that has several.")
 @click.option("--untrusted", metavar="A,B", help="Joints that move, but whose torques are not used.")
 @click.option("--reversed", "turned", metavar="A,B", hidden=True, help="Joints that count the other way.")
@@ -214,7 +214,9 @@ def _meaning(text: str) -> tuple[str, str]:
     """`OWN=OURS` as a column and what it is."""
     own, _, ours = text.rpartition("=")
     if not own or not ours:
-        raise click.UsageError(f"--map '{text}' (allowed: a column and what it is, as pwm=torque_1)")
+        raise click.UsageError(
+            f"--map '{text}' (allowed: a column and what it is, as pwm=torque_1, or all of a word, as q=angle:deg)"
+        )
     return own, ours
 
 

@@ -11,26 +11,15 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from metaid.errors import RecordError, joints_of, unknown
+from metaid.errors import RecordError, first_of, joints_of
+from metaid.recorded.reading import units
 from metaid.recorded.reading.formats import Table
+from metaid.recorded.reading.mapping import KINDS, called, words_of
 from metaid.recorded.reading.readings import Repair
 from metaid.recorded.reading.times import CLOCKS, SPELLED
+from metaid.recorded.reading.words import CHANGES, KIND_OF, OTHERS, PLAIN, WISHED, WORDS, tokens_of
 
-KINDS = ("angle", "speed", "torque")
-WORDS = {
-    "angle": ("angle", "angles", "position", "positions", "pos", "q", "theta", "phi", "qpos"),
-    "speed": ("speed", "speeds", "velocity", "velocities", "vel", "v", "dq", "qd", "qdot", "dtheta", "omega", "qvel"),
-    "torque": ("torque", "torques", "effort", "efforts", "eff", "tau", "trq", "moment", "force", "forces"),
-    "current": ("current", "currents", "cur", "curr", "voltage", "voltages"),
-}
-KIND_OF = {word: kind for kind, words in WORDS.items() for word in words}
-OTHERS = {"acc", "acceleration", "accelerations", "ddq", "qdd", "temperature", "temp", "error", "err", "dot"}
-WISHED = {"des", "desired", "ref", "reference", "target", "cmd", "command", "commanded", "set", "setpoint", "goal"}
-PLAIN = {
-    *("joint", "joints", "state", "states", "j", "jnt", "field", "data", "value", "msg", "link", "motor", "axis"),
-    *("robot", "arm", "actual", "act", "meas", "measured", "msr", "fb", "feedback", "read", "raw"),
-    *("rad", "s", "sec", "nm", "n", "m"),
-}
+MOST_NAMED = 3  # words of columns that may be torques, too
 
 
 @dataclass(frozen=True)
@@ -43,12 +32,14 @@ class Understood:
         kinds: of angle, speed and torque the columns, joint by joint; none where no joint has one, and an empty name of
             a joint without a torque.
         notes: what was understood that is not spelled as metaid does.
+        factors: by what the readings of columns are multiplied that are in units of their own.
     """
 
     times: tuple[str, ...]
     unit: str | None
     kinds: dict[str, tuple[str, ...]]
     notes: tuple[Repair, ...]
+    factors: dict[str, float]
 
     @property
     def wanted(self) -> list[str]:
@@ -76,28 +67,34 @@ def understood(table: Table, joints: Sequence[str], mapping: Mapping[str, str]) 
     Args:
         table: the table.
         joints: the names of the robot's joints.
-        mapping: what columns mean that the user names: `time`, or `angle_`, `speed_`, `torque_` with a joint.
+        mapping: what columns mean that the user names, as `called` has it.
 
     Raises:
         RecordError: some joints have a column of a kind and others have none, or a name means nothing.
     """
-    names = _renamed(table, joints, mapping)
-    called = _called(names.values(), joints)
+    names, said_units = called(table.columns, joints, mapping, table.name)
+    own_joints = _joints_called(names.values(), joints)
     meant = [
         replace(each, is_said=name != column)
         for column, name in names.items()
-        if (each := _meaning(column, name, called))
+        if (each := _meaning(column, name, own_joints))
     ]
     kinds, base = {}, None
     for kind in KINDS:
-        kinds[kind], own = _of_kind(table, kind, meant, called)
+        kinds[kind], own = _of_kind(table, kind, meant, own_joints)
         base = own if own is not None else base
     is_current = not kinds["torque"]
     if is_current:
-        kinds["torque"], _ = _of_kind(table, "current", meant, called)
+        kinds["torque"], _ = _of_kind(table, "current", meant, own_joints)
     times, unit = _clock(names)
-    found = Understood(times, unit, kinds, ())
-    notes = _notes(table, found, names, joints, base)
+    factors: dict[str, float] = {}
+    notes = _notes(times, kinds, names, joints, base) + _others(table, kinds["torque"], names, joints)
+    for kind, own_columns in kinds.items():
+        every = [column for column in own_columns if column]
+        measured = "current" if is_current and kind == "torque" else kind
+        own_units = [said_units.get(column) or units.unit_in(column, measured) for column in every]
+        own_factors, told = units.converted(every, own_units, measured)
+        factors, notes = factors | own_factors, notes + told
     if is_current and kinds["torque"]:
         said = sorted({each for column in kinds["torque"] for each in tokens_of(column) if each in WORDS["current"]})
         what = "voltages" if said and all(each.startswith("volt") for each in said) else "currents"
@@ -107,29 +104,28 @@ def understood(table: Table, joints: Sequence[str], mapping: Mapping[str, str]) 
     if idle:
         text = f"no torque of {joints_of(idle)}: it is 0, as without a motor"
         notes += (Repair("torque", len(idle), text),)
-    return Understood(times, unit, kinds, (*table.notes, *notes))
+    return Understood(times, unit, kinds, (*table.notes, *notes), factors)
 
 
-def _renamed(table: Table, joints: Sequence[str], mapping: Mapping[str, str]) -> dict[str, str]:
-    """Every column of a table that may be read, with what it is called by the user, or by itself."""
-    numbers = [*(str(i + 1) for i in range(len(joints))), *joints]
-    ours = {"time", *(f"{kind}_{joint}" for kind in KINDS for joint in numbers)}
-    names = {column: column for column in table.columns}
-    for own, meaning in mapping.items():
-        if own not in names and own in ours and meaning in names:
-            own, meaning = meaning, own
-        if own not in names:
-            if own in {each for each in mapping if each in ours}:
-                raise RecordError(f"{table.name}: map: {unknown('column', meaning, table.columns)}")
-            raise RecordError(f"{table.name}: map: {unknown('column', own, table.columns)}")
-        if meaning not in ours:
-            raise RecordError(f"{table.name}: map {own}: {unknown('meaning', meaning, sorted(ours))}")
-        names[own] = meaning
-    said = set(mapping.values()) | set(mapping)
-    return {column: name for column, name in names.items() if column in said or name not in said}
+def _others(
+    table: Table, torques: Sequence[str], names: Mapping[str, str], joints: Sequence[str]
+) -> tuple[Repair, ...]:
+    """One line on columns that may be torques, too, and are not read."""
+    if any(names[column] != column for column in torques if column):
+        return ()
+    others = []
+    for word, columns in words_of(table.columns, joints).items():
+        tokens = set(tokens_of(word))
+        is_torque = bool({"torque", "current"} & {KIND_OF.get(each) for each in tokens})
+        if is_torque and not (OTHERS | WISHED) & tokens and len(columns) >= len(joints) and not {*torques} & {*columns}:
+            others.append(word)
+    if not torques or not others:
+        return ()
+    text = f"{first_of(others, MOST_NAMED)} may be torques, too: --map {others[0]}=torque reads them instead"
+    return (Repair("columns", len(others), text),)
 
 
-def _called(names: Iterable[str], joints: Sequence[str]) -> Sequence[str]:
+def _joints_called(names: Iterable[str], joints: Sequence[str]) -> Sequence[str]:
     """What the log calls the joints: where the robot has but numbers for them, the words beside `angle` and `torque`,
     in the order of the columns, if there is one for each joint.
     """
@@ -146,19 +142,12 @@ def _called(names: Iterable[str], joints: Sequence[str]) -> Sequence[str]:
     return own if len(own) == len(joints) and set(own) == set(others) else joints
 
 
-def tokens_of(name: str) -> list[str]:
-    """The words and numbers in a column's name, units in brackets left out."""
-    plain = re.sub(r"[\[(].*?[^0-9].*?[\])]", " ", name)
-    plain = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", plain)
-    return re.findall(r"[a-zµ]+|\d+", plain.lower())
-
-
 def _meaning(column: str, name: str, joints: Sequence[str]) -> _Meant | None:
     """What a name means; None where it means nothing that is read."""
     tokens = tokens_of(name)
     joint, rest = _joint_in(tokens, joints)
-    if rest.count("dot") == 1 and "q" in rest:
-        rest = [each if each != "q" else "qd" for each in rest if each != "dot"]
+    if sum(map(rest.count, CHANGES)) == 1 and any(KIND_OF.get(each) == "angle" for each in rest):
+        rest = ["speed" if KIND_OF.get(each) == "angle" else each for each in rest if each not in CHANGES]
     kinds = [each for each in rest if each in KIND_OF]
     if len(kinds) != 1 or OTHERS & set(rest):
         return None
@@ -259,20 +248,24 @@ def _clock(names: Mapping[str, str]) -> tuple[tuple[str, ...], str | None]:
 
 
 def _notes(
-    table: Table, found: Understood, names: Mapping[str, str], joints: Sequence[str], base: int | None
+    times: Sequence[str],
+    kinds: Mapping[str, Sequence[str]],
+    names: Mapping[str, str],
+    joints: Sequence[str],
+    base: int | None,
 ) -> tuple[Repair, ...]:
     """One line on columns that are not spelled as metaid does."""
     numbers = [str(i + 1) for i in range(len(joints))]
     said = []
-    for kind, every in found.kinds.items():
+    for kind, every in kinds.items():
         own = [column for column in every if column]
         usual = [[kind], *([f"{kind}_{name}" for name in each] for each in (numbers, joints))]
         if own and not any({names[column] for column in own} <= {*each} for each in usual):
             said.append(f"{own[0]} to {own[-1]} are {kind}s" if len(own) > 1 else f"{own[0]} is the {kind}")
-    if found.times and names[found.times[0]] != "time":
-        said.append(f"{' and '.join(found.times)} {'is' if len(found.times) == 1 else 'are'} the time")
+    if times and names[times[0]] != "time":
+        said.append(f"{' and '.join(times)} {'is' if len(times) == 1 else 'are'} the time")
     if not said:
         return ()
-    count = sum(map(len, found.kinds.values()))
+    count = sum(map(len, kinds.values()))
     more = " (they count from 0)" if base == 0 else ""
     return (Repair("columns", count, "; ".join(said) + more),)

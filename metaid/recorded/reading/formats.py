@@ -157,7 +157,8 @@ def _dialect(path: Path) -> _Dialect:
         separator = next((each for each in (";", "\t", ",") if each in line), " ")
         names = _fields(line.lstrip("# ") if line.startswith("#") else line, separator)
         below = next((other for other in lines[above + 1 :] if other.strip()), "")
-        if len(names) > 1 and not any(map(_is_number, names)) and _count(below, separator) == len(names):
+        counts = {_count(each, separator) for each in (below, below.rstrip(f"{separator} "))}  # with or without an end
+        if len(names) > 1 and not any(map(_is_number, names)) and len(names) in counts:
             decimal = "," if separator != "," and re.search(r"\d,\d", " ".join(lines[above + 1 :])) else "."
             return _Dialect(separator, decimal, _distinct(names), above, encoding)
     first = next(line for line in lines if line.strip())

@@ -150,6 +150,8 @@ class Intake:
     def _numbers(self, table: Table, columns: Understood) -> Readings:
         """The cells of a table as numbers, NaN where a cell has none."""
         frame = table.load(columns.wanted)
+        own_units = {each: pd.to_numeric(frame[each], errors="coerce") for each in columns.factors}
+        frame = frame.assign(**{each: columns.factors[each] * read for each, read in own_units.items()})
         kinds = {kind: _numbers(frame, own) if any(own) else None for kind, own in columns.kinds.items()}
         angles = kinds["angle"]
         assert angles is not None

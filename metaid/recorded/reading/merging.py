@@ -7,7 +7,6 @@ times are matched row by row.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +14,9 @@ import pandas as pd
 
 from metaid.errors import RecordError
 from metaid.models import Array
-from metaid.recorded.reading.columns import KINDS, Understood
+from metaid.recorded.reading.columns import Understood
 from metaid.recorded.reading.formats import Table
+from metaid.recorded.reading.mapping import KINDS
 from metaid.recorded.reading.readings import Repair, counted
 from metaid.recorded.reading.times import numeric_times
 
@@ -64,7 +64,8 @@ def merged(pieces: Pieces) -> tuple[Table, Understood]:
     notes = tuple(note for _, own in used for note in own.notes)
     notes += (Repair("merged", len(used), f"one log of {counted(len(used), 'table')}, at the times of the angles"),)
     table = Table(name, tuple(frame.columns), lambda wanted: frame[list(wanted)])
-    return table, replace(columns, times=("time",), unit=clocked.unit, kinds=kinds, notes=notes)
+    factors = {column: factor for _, own in used for column, factor in own.factors.items()}
+    return table, Understood(("time",), clocked.unit, kinds, notes, factors)
 
 
 def _times(columns: Sequence[Sequence[pd.Series]]) -> list[Array]:

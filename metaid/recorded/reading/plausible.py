@@ -59,7 +59,8 @@ def _refuse_degrees(readings: Readings, slides: NDArray[np.bool_], endless: NDAr
     if widest[joint] > MANY_TURNS:
         raise RecordError(
             f"{readings.name}: {readings.names['angle'][joint]} goes to {widest[joint]:.4g}, which looks like "
-            f"degrees (allowed: rad, at most {MANY_TURNS:g}, or more in a column whose name says rad)"
+            f"degrees (allowed: rad, at most {MANY_TURNS:g}, or more in a column whose name says rad; --map "
+            "OWN=angle:deg takes degrees)"
         )
 
 
@@ -86,5 +87,6 @@ def _refuse_other_speeds(readings: Readings, speeds: Array) -> None:
             unit = ", which looks like degrees" if near else ""
             raise RecordError(
                 f"{readings.name}: {readings.names['speed'][joint]} is {ratio:.3g} times how fast "
-                f"{readings.names['angle'][joint]} changes{unit} (allowed: rad and rad/s)"
+                f"{readings.names['angle'][joint]} changes{unit} (allowed: rad and rad/s; --map "
+                "OWN=speed:rpm takes other units)"
             )

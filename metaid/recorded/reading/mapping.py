@@ -1,0 +1,86 @@
+"""What the user says that columns are: one by one, or all of a word at once."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+
+from metaid.errors import RecordError, unknown
+from metaid.recorded.reading.units import said_unit
+
+KINDS = ("angle", "speed", "torque")
+
+
+def called(
+    columns: Sequence[str], joints: Sequence[str], mapping: Mapping[str, str], log: str
+) -> tuple[dict[str, str], dict[str, str]]:
+    """Every column that may be read, with what it is called by the user, or by itself; and the units that he says.
+
+    Args:
+        columns: of the log.
+        joints: the names of the robot's joints.
+        mapping: what columns mean that the user names: `time`, or `angle_`, `speed_`, `torque_` with a joint, or one of
+            these words alone for all columns that differ but in their joint; with a unit behind a colon.
+        log: its name, for messages.
+
+    Raises:
+        RecordError: there is no such column, meaning or unit.
+    """
+    numbers = [*(str(i + 1) for i in range(len(joints))), *joints]
+    ours = {"time", *(f"{kind}_{joint}" for kind in KINDS for joint in numbers)}
+    names = {column: column for column in columns}
+    units: dict[str, str] = {}
+    said: set[str] = set()
+    for own, meaning in mapping.items():
+        if meaning.partition(":")[0] not in {*ours, *KINDS} and own.partition(":")[0] in {*ours, *KINDS}:
+            own, meaning = meaning, own
+        meaning, _, unit = meaning.partition(":")
+        if meaning not in ours and meaning not in KINDS:
+            raise RecordError(f"{log}: map {own}: {unknown('meaning', meaning, sorted({*ours, *KINDS}))}")
+        means = _of_all(columns, joints, own, meaning) if meaning in KINDS else {own: meaning} if own in names else {}
+        if not means:
+            what, there = ("word", words_of(columns, joints)) if meaning in KINDS else ("column", columns)
+            raise RecordError(f"{log}: map: {unknown(what, own, there)}")
+        names |= means
+        said |= {*means, *means.values()}
+        if unit:
+            units |= dict.fromkeys(means, said_unit(unit, meaning.partition("_")[0]))
+    return {column: name for column, name in names.items() if column in said or name not in said}, units
+
+
+def words_of(columns: Iterable[str], joints: Sequence[str]) -> dict[str, dict[str, str]]:
+    """What is left of columns' names without those of joints or numbers, and the columns of each such word, with the
+    joint or number of each.
+    """
+    words: dict[str, tuple[str, dict[str, str]]] = {}
+    for column in columns:
+        for word, joint in _without_joint(column, joints):
+            words.setdefault(_bare(word), (word, {}))[1][column] = joint
+    return {word: found for word, found in words.values() if word}
+
+
+def _of_all(columns: Sequence[str], joints: Sequence[str], word: str, kind: str) -> dict[str, str]:
+    """What all columns mean that have a `word` beside a joint's name or number; one alone needs neither."""
+    plain = _bare(word)
+    found = next((own for each, own in words_of(columns, joints).items() if _bare(each) == plain), {})
+    if not found and word in columns and len(joints) == 1:
+        return {word: f"{kind}_1"}
+    base = 0 if "0" in found.values() else 1
+    return {
+        column: f"{kind}_{int(joint) - base + 1}" if joint.isdigit() else f"{kind}_{joint}"
+        for column, joint in found.items()
+    }
+
+
+def _without_joint(column: str, joints: Sequence[str]) -> list[tuple[str, str]]:
+    """A column's name without that of each joint, or without its last number, and what was taken out."""
+    named = [joint for joint in joints if not joint.isdigit()]
+    inside = [(re.sub(rf"(?<![^\W_]){re.escape(joint)}(?![^\W_])", "", column), joint) for joint in named]
+    last = re.search(r"\d+(?!.*\d)", column)
+    number = [(column[: last.start()] + column[last.end() :], str(int(last[0])))] if last else []
+    return [(own.strip(" _.-/[]()"), joint) for own, joint in (*inside, *number) if own != column]
+
+
+def _bare(word: str) -> str:
+    """A word without case and what stands between its parts."""
+    return re.sub(r"[\W_]+", "", word).casefold()

@@ -1,0 +1,74 @@
+"""The unit that a column's name says, as `q1 [deg]`, `speed_rpm_1` or `tau1 (mNm)`, or the user."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from itertools import groupby
+
+import numpy as np
+
+from metaid.errors import RecordError, unknown
+from metaid.recorded.reading.readings import Repair
+
+OURS = {"angle": "rad", "speed": "rad/s", "torque": "Nm", "current": "A"}
+SIZES = {
+    "angle": {"rad": 1.0, "mrad": 1e-3, "deg": np.pi / 180.0, "turn": 2.0 * np.pi, "m": 1.0, "mm": 1e-3},
+    "speed": {
+        **{"rad/s": 1.0, "mrad/s": 1e-3, "deg/s": np.pi / 180.0, "rpm": np.pi / 30.0, "turn/s": 2.0 * np.pi},
+        **{"m/s": 1.0, "mm/s": 1e-3},
+    },
+    "torque": {"Nm": 1.0, "mNm": 1e-3, "Ncm": 1e-2, "Nmm": 1e-3, "kNm": 1e3, "N": 1.0},
+    "current": {"A": 1.0, "mA": 1e-3},
+}
+_ANGLES = {
+    **{"mrad": r"m(?:illi)?rad(?:ians?)?", "deg": r"deg(?:ree)?s?|°|dps", "turn": r"turns?|rev(?:olution)?s?"},
+    "mm": "mm",
+}
+SPELLED = {
+    "angle": _ANGLES,
+    # `rev/min` has a `rev`, too: what is looked for first is taken.
+    "speed": {"rpm": "rpm|rev/min|r/min"} | {f"{unit}/s": text for unit, text in _ANGLES.items()},
+    "torque": {"mNm": "m ?n ?m", "Ncm": "n ?cm", "Nmm": "n ?mm", "kNm": "k ?n ?m"},
+    "current": {"mA": "m ?a|milliamp(?:ere)?s?"},
+}
+WORDS = {
+    *("mrad", "deg", "degs", "degree", "degrees", "dps", "rpm", "turn", "turns", "rev", "revs", "mm", "min", "per"),
+    *("ncm", "nmm", "a", "k", "amp", "amps", "ma"),
+}  # beside those of ours: what a name may have that says a unit
+
+
+def unit_in(name: str, kind: str) -> str:
+    """The unit of readings of a `kind` that a column's name says; ours where it says none, or does not say another."""
+    plain = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name).lower().replace("·", " ").replace("*", " ")
+    for unit, text in SPELLED[kind].items():
+        if re.search(rf"(?<![a-z])(?:{text})(?![a-z])", plain):
+            return unit
+    return OURS[kind]
+
+
+def said_unit(unit: str, kind: str) -> str:
+    """The same as the user says it.  Raises RecordError where readings of this `kind` have no such unit."""
+    if unit not in SIZES[kind]:
+        raise RecordError(f"map: {unknown('unit', unit, SIZES[kind])}")
+    return unit
+
+
+def converted(columns: Sequence[str], units: Sequence[str], kind: str) -> tuple[dict[str, float], tuple[Repair, ...]]:
+    """By what the readings of columns of one `kind` are multiplied where they are in units of their own, and a line
+    that says so.
+
+    Args:
+        columns: of the joints (njoint).
+        units: of each (njoint).
+        kind: of the readings: angle, speed, torque or current.
+    """
+    factors: dict[str, float] = {}
+    notes = []
+    for unit, group in groupby(zip(columns, units, strict=True), key=lambda each: each[1]):
+        own = [column for column, _ in group]
+        if SIZES[kind][unit] != 1.0:
+            factors |= dict.fromkeys(own, SIZES[kind][unit])
+            which = f"{own[0]} to {own[-1]} are" if len(own) > 1 else f"{own[0]} is"
+            notes.append(Repair("units", len(own), f"{which} in {unit}: converted"))
+    return factors, tuple(notes)

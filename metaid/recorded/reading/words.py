@@ -1,0 +1,33 @@
+"""The words that people have for what a log holds, and how the name of a column is taken apart into words."""
+
+from __future__ import annotations
+
+import re
+
+from metaid.recorded.reading.units import WORDS as UNITS
+
+WORDS = {
+    "angle": ("angle", "angles", "position", "positions", "pos", "q", "theta", "phi", "qpos"),
+    "speed": ("speed", "speeds", "velocity", "velocities", "vel", "v", "dq", "qd", "qdot", "dtheta", "omega", "qvel"),
+    "torque": ("torque", "torques", "effort", "efforts", "eff", "tau", "trq", "moment", "force", "forces"),
+    "current": ("current", "currents", "cur", "curr", "voltage", "voltages"),
+}
+KIND_OF = {word: kind for kind, words in WORDS.items() for word in words}
+CHANGES = ("dot", "d", "der", "deriv", "derivative")  # beside the word of an angle: its speed
+OTHERS = {"acc", "acceleration", "accelerations", "ddq", "qdd", "temperature", "temp", "error", "err", "dot"}
+WISHED = {
+    *("des", "desired", "ref", "reference", "target", "cmd", "command", "commanded", "set", "setpoint", "goal"),
+    *("computed", "cmptd", "calculated", "calc", "model"),
+}
+PLAIN = {
+    *("joint", "joints", "state", "states", "j", "jnt", "field", "data", "value", "msg", "link", "motor", "axis"),
+    *("robot", "arm", "actual", "act", "meas", "measured", "msr", "fb", "feedback", "read", "raw"),
+    *("rad", "s", "sec", "nm", "n", "m", *UNITS),
+}
+
+
+def tokens_of(name: str) -> list[str]:
+    """The words and numbers in a column's name, units in brackets left out."""
+    plain = re.sub(r"[\[(].*?[^0-9].*?[\])]", " ", name)
+    plain = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", plain)
+    return re.findall(r"[a-zµ]+|\d+", plain.lower())
