@@ -7,20 +7,15 @@ alike, in the frames of its authors.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import pairwise
 from pathlib import Path
 
-import mujoco
 import numpy as np
 
 from benchmarks.real.judging import Log
 from benchmarks.real.lines import Line, Table
-from benchmarks.real.printed import printed_line
-from benchmarks.real.torques import CLASSIC, MOST_BESIDE, STILL, YARDSTICK, Turn, in_turn, read_test, row_of
+from benchmarks.real.thirds import by_thirds
 from benchmarks.real.urdf import urdf_of
 from metaid.models import Array
-from metaid.plant import ArmPlant, load_plant
-from metaid.recorded import arm_model
 
 REPOSITORY = "Dynamic_Parameter_Identification_for_Rokae_xMate"  # of YanjunLIU-ac
 LOGS = "filtering/data/excit/excit_{}_record.txt"
@@ -46,18 +41,4 @@ def measure(folder: Path, place: Path) -> Iterator[Table | Line]:
     angles, speeds, torques = (np.loadtxt(folder / LOGS.format(name)) for name in ("ang", "vel", "torque"))
     log = Log("rokae", PERIOD * np.arange(len(angles), dtype=np.float64), angles, torques, speeds)
     urdf = urdf_of("rokae", ALPHA, [0.0] * NJOINT, OFFSETS, rough(), place)
-    plain, arm = mujoco.MjModel.from_xml_path(str(urdf)), load_plant(urdf)
-    assert isinstance(arm, ArmPlant)
-    classic = arm_model(arm.tree, CLASSIC).with_still(np.full(NJOINT, STILL))
-    edges = np.linspace(0.0, log.times[-1] + PERIOD, 4)
-    thirds = [log.rows((log.times >= begin) & (log.times < end)) for begin, end in pairwise(edges.tolist())]
-    turns = []
-    for number, left_out in enumerate(thirds):
-        learned = [third for other, third in enumerate(thirds) if other != number]
-        turns.append(Turn(f"third {number + 1}", [each.frame for each in learned], learned, read_test(left_out)))
-    own = in_turn(turns, urdf, place, ("rough bodies, fitted friction", plain), classic)
-    title = f"Rokae xMate3 Pro, torque at {YARDSTICK} Hz, thirds held out: {', '.join(own.words)}"
-    yield Table(f"{title}; best {'; '.join(own.best)}", [row_of(name, each) for name, each in own.found.items()])
-    yield Table("Rokae, errors that are printed", list(own.printed))
-    yield printed_line("Rokae", own.printed)
-    yield Line("Rokae: .py beside tuned least squares", own.beside, MOST_BESIDE)
+    yield from by_thirds("Rokae xMate3 Pro", log, urdf, place, "rough bodies")

@@ -8,7 +8,8 @@ out. `judge_records` says whether the result can be used.
 
 from metaid.recorded.absolute import Absolute, absolute_of
 from metaid.recorded.choosing import Choices
-from metaid.recorded.doubts.checks import Fact, facts_of
+from metaid.recorded.doubts.checks import facts_of
+from metaid.recorded.doubts.conventions import Fact
 from metaid.recorded.estimating import RecordedEstimate, equations_like, estimate_records
 from metaid.recorded.gains import Gains, Payload, drive_gains
 from metaid.recorded.held_out import HeldOut

@@ -18,7 +18,8 @@ from metaid.models import Array
 from metaid.plant import load_plant
 from metaid.recorded.absolute import Absolute, absolute_of
 from metaid.recorded.choosing import Choices, usual_still
-from metaid.recorded.doubts.checks import Fact, facts_of
+from metaid.recorded.doubts.checks import facts_of
+from metaid.recorded.doubts.conventions import Fact
 from metaid.recorded.estimating import RecordedEstimate, estimate_records
 from metaid.recorded.gains import Gains, Payload, drive_gains
 from metaid.recorded.held_out import HeldOut, Yardstick

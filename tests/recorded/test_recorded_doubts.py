@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -12,10 +13,10 @@ from conftest import wrong_chain
 from random_arm import wrong_tree
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
-from swinging import log_of, swinging_arm
+from swinging import log_of, swinging, swinging_arm
 
 from metaid.models import DEVIATIONS, Array
-from metaid.models.tree import planar_tree
+from metaid.models.tree import joint_torque, planar_tree
 from metaid.plant import load_chain
 from metaid.recorded import (
     Choices,
@@ -26,6 +27,7 @@ from metaid.recorded import (
     chain_model,
     estimate,
     estimate_records,
+    facts_of,
     judge_records,
 )
 from metaid.recorded.weak_form.windows import cut_windows
@@ -143,3 +145,22 @@ def test_log_of_a_free_swing_is_called_one(tmp_path: Path) -> None:
     verdict = estimate([tmp_path / "swing.csv"], tmp_path / "nominal.toml", friction=["viscous"]).verdict
     assert not verdict.is_found
     assert "times as much: the motors hardly drove" in verdict.reasons[0]
+
+
+@pytest.mark.parametrize("shift", [0.5 * np.pi, -0.5 * np.pi])
+@pytest.mark.parametrize("dry", [0.3, 3.0])
+def test_zero_that_is_off_by_a_quarter_turn_is_named_with_its_sign(shift: float, dry: float) -> None:
+    """Though zeros of three runs take up half a radian of it, and though the other way bodies that hang upside down
+    explain as much.
+    """
+    arm, slower = swinging_arm(), 10.0
+    times, coordinates, speeds, accelerations = swinging(4.0, 2001, 3, 3)
+    speeds, accelerations = speeds / slower, accelerations / slower**2
+    torques = joint_torque(arm, coordinates, speeds, accelerations) + 0.5 * speeds + dry * np.tanh(100.0 * speeds)
+    read = coordinates - shift * np.array([0.0, 1.0, 0.0])
+    runs = [
+        Record(f"run{first}.csv", slower * times[first:last], read[first:last], None, torques[first:last])
+        for first, last in pairwise((0, 700, 1400, 2001))
+    ]
+    facts = facts_of(runs, estimate_records(runs, arm_model(wrong_tree(arm, 0))))
+    assert [fact.option for fact in facts] == [f"--zero shoulder={shift:.4f}"]

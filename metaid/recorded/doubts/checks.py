@@ -7,7 +7,7 @@ Nothing is mended here.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,39 +19,32 @@ from metaid.recorded.doubts.conventions import (
     SIGNS,
     WRONG,
     Check,
+    Fact,
     Suspected,
     improvement,
+    opposed,
     suspected,
     together,
+    told_apart,
+    what_of,
 )
 from metaid.recorded.doubts.falling import falling_torques, named_as_falling
 from metaid.recorded.doubts.odd_logs import odd_log
-from metaid.recorded.doubts.scales import UNIT, scales_of
+from metaid.recorded.doubts.units import units_of
 from metaid.recorded.estimating import RecordedEstimate
 from metaid.recorded.reading.log import Record
 from metaid.recorded.weak_form.equations import Equations, Part, equations_of
 from metaid.recorded.weak_form.smoothed import Smoothed
 
 MOST = 80  # windows of a check, of all logs
-SAME = 0.005  # of the torque: less that is unexplained tells nothing
 SELDOM = 0.5  # as NAMED of gravity, which many other faults look like
 BOTH = 0.7  # of what one leaves: as NAMED of two at once, for there are many pairs
+ALIKE = 1.15  # times what the most telling fact leaves: a fact that leaves less is told beside it
+FAR = 0.2  # rad: no zero of an encoder is farther off by chance
+MOSTLY = 0.5  # of the joints that tell
+HALF = f"={np.pi:.4f}"  # a half turn, which turns what is carried as gravity does that points the other way
 FIRST, TRIED = 12, 16  # facts of which others are tried beside, and pairs that are tried on a possible model
-THOUSANDS = (1000.0, 0.001)
 DRIVEN = 0.1  # of the terms that cancel in a joint without a motor, that it has beside them
-FRICTION = 50.0  # times the torque of a joint's bodies that its friction may be
-LIGHT = 0.02  # of the strongest joint's torque, for a joint that bodies hardly load
-
-
-@dataclass(frozen=True)
-class Fact:
-    """Something that looks wrong: the `option` that mends it, a sentence without a full stop, and what is left of the
-    unexplained torque with it.
-    """
-
-    text: str
-    option: str
-    left: float
 
 
 def facts_of(records: Sequence[Record], found: RecordedEstimate, measured: Absolute | None = None) -> tuple[Fact, ...]:
@@ -86,7 +79,7 @@ def _named(equations: Equations, found: RecordedEstimate, measured: Absolute | N
         text, option = named_as_falling(check, falling)
         model = equations.model.with_untrusted(equations.model.untrusted | falling)
         return (Fact(text, option, 0.0), *_named(replace(equations, model=model), found, measured))
-    units = _units(check)
+    units = units_of(check)
     turned = _turned(found)
     if usual.max() < WRONG and not units:
         return turned
@@ -112,9 +105,12 @@ def _named(equations: Equations, found: RecordedEstimate, measured: Absolute | N
         if together(check.with_torques(factors).left(), usual) <= worth[0].left:
             worth = []  # which another unit makes seem so
         else:  # of joints that are still in another unit once what tells most is mended
-            units = _units(mended[worth[0].option])
-    telling = [fact for fact in worth if fact.left < worth[0].left * 1.15][:2]
-    return (*(fact for _, fact in units.values()), *turned, *(telling if usual.max() >= WRONG else ()))
+            units = units_of(mended[worth[0].option])
+    telling = [fact for fact in worth if fact.left < worth[0].left * ALIKE][:2] if usual.max() >= WRONG else []
+    telling = told_apart(telling, {fact.option: mended[fact.option] for fact in telling})
+    if telling and not telling[0].option.endswith(HALF) and opposed(mended[telling[0].option]) < MOSTLY:
+        turned = ()  # which what is mended made seem so
+    return (*(fact for _, fact in units.values()), *turned, *telling)
 
 
 def _driven(name: str) -> Fact:
@@ -165,7 +161,7 @@ def _both(every: Sequence[Suspected], usual: Array, below: float) -> Fact | None
         frozenset((one.option, other.option)): (one, other)
         for one in first
         for other in suspected(one.check)
-        if one.of != other.of
+        if what_of(one.option) != what_of(other.option)
     }
     best = sorted(pairs.values(), key=lambda pair: together(pair[1].check.free, usual))[:TRIED]
     scaled = [(pair, pair[1].check.with_scale()) for pair in best]
@@ -180,6 +176,8 @@ def _thinned(records: Sequence[Record], logs: Sequence[Smoothed], found: Recorde
     torque of a joint that is held.
     """
     model = found.model.with_friction(("viscous", "coulomb", "offset"))
+    # What is wrong moves the zeros that are fitted beside it, too.
+    zeros = found.zeros if np.abs(found.zeros).max(initial=0.0) < FAR else np.zeros_like(found.zeros)
     for span, power in ((0.2, 6), (0.3, 8), (0.1, 5), (0.5, 10)):
         every = equations_of(records, logs, model, span, power)
         if every is None:
@@ -196,7 +194,7 @@ def _thinned(records: Sequence[Record], logs: Sequence[Smoothed], found: Recorde
                     replace(
                         windows,
                         middles=windows.middles[kept],
-                        coordinates=windows.coordinates[kept] + found.zeros[part.log],
+                        coordinates=windows.coordinates[kept] + zeros[part.log],
                         speeds=windows.speeds[kept],
                         accelerations=windows.accelerations[kept],
                     ),
@@ -206,72 +204,3 @@ def _thinned(records: Sequence[Record], logs: Sequence[Smoothed], found: Recorde
         trusted = model.with_untrusted(model.untrusted | every.held)
         return replace(every, model=trusted, parts=tuple(parts), scale=found.scale, delay=found.delay)
     return None
-
-
-def _units(check: Check) -> dict[int, tuple[float, Fact]]:
-    """Joints, from 0 on, whose torques are so many times what the nominal bodies need that they are in another unit
-    than those of the others, each with the factor that mends it; 1 where the other joints say that it is the bodies.
-    """
-    units: dict[int, tuple[float, Fact]] = {}
-    names = check.equations.model.joints
-    ratios = _ratios(check.equations)
-    factors = np.ones(len(names))
-    for joint, ratio in ratios.items():
-        factors[joint] = next((1.0 / unit for unit in THOUSANDS if 0.3 < ratio / unit < 3.0), 1.0 / ratio)
-    for joint, ratio in ratios.items():
-        factor = float(factors[joint])
-        if _is_confirmed(check, joint, factors):
-            text = (
-                f"joint {names[joint]} needs {ratio:.3g} times the torque that the nominal bodies do, as other joints"
-            )
-            units[joint] = 1.0, Fact(f"{text} confirm: these bodies are wrong, not its unit", "", 0.0)
-            continue
-        unit = {0.001: "mN m", 1000.0: "kN m"}.get(factor, "a motor current or another unit")
-        option = f"--scale {names[joint]}={factor:.3g}"
-        text = f"the torque of joint {names[joint]} is {ratio:.3g} times what the others' scale would make it: {unit}?"
-        units[joint] = factor, Fact(f"{text} {option}", option, 0.0)
-    return units
-
-
-def _is_confirmed(check: Check, joint: int, factors: Array) -> bool:
-    """Whether any joint is explained far worse once the torque of one is multiplied as well: bodies that one joint
-    carries are moved by the others, too.
-
-    Args:
-        check: windows of the logs.
-        joint: whose unit is in doubt, from 0 on.
-        factors: of all torques that are in doubt (njoint).
-    """
-    mended = check.with_torques(factors).free
-    kept = check.with_torques(np.where(np.arange(len(factors)) == joint, 1.0, factors)).free
-    return bool((NAMED * mended > np.maximum(kept, SAME)).any())
-
-
-def _ratios(equations: Equations) -> dict[int, float]:
-    """Joints, from 0 on, whose torques are so many times what the others' scale would make them."""
-    ratios = {}
-    signed = scales_of(equations).joined
-    known = signed[np.isfinite(signed)]
-    # A joint that needs the other sign than most is wrong in another way than by its unit.
-    scales = np.where(signed * np.median(known) > 0.0, np.abs(signed), np.nan) if len(known) else signed
-    middle = float(np.median(np.abs(known))) if len(known) > 2 else equations.scale
-    for joint, scale in enumerate(scales.tolist()):
-        if equations.model.untrusted[joint]:
-            continue
-        ratio = scale / middle if np.isfinite(scale) else _beyond_friction(equations, joint)
-        if not 1.0 / UNIT < ratio < UNIT:
-            ratios[joint] = ratio
-    return ratios
-
-
-def _beyond_friction(equations: Equations, joint: int) -> float:
-    """By how much the torques of a joint whose bodies are hardly felt are larger than friction can make them, which may
-    be some times what another joint is sent; 1 where they are not.
-    """
-    model = equations.model
-    needed = [(own[..., : model.nbody] @ (equations.scale * model.nominal)) for own in equations.solved[1]]
-    usual = np.sqrt(np.mean([(each**2).mean(axis=(0, 1)) for each in needed], axis=0))
-    sent = np.sqrt(np.mean([(each**2).mean(axis=(0, 1)) for each in equations.torques], axis=0))
-    most = FRICTION * max(float(usual[joint]), LIGHT * float(usual.max()))
-    most = max(most, UNIT * float(np.delete(sent, joint).max(initial=0.0)))
-    return float(sent[joint] / most) * UNIT if sent[joint] > most > 0.0 else 1.0

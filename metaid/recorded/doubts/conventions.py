@@ -6,7 +6,7 @@ that are read against the base, motors that turn with two joints and nobody said
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -14,7 +14,7 @@ import numpy as np
 
 from metaid.models import Array
 from metaid.recorded.absolute import MOTOR, Absolute, absolute_joints, absolute_of
-from metaid.recorded.doubts.scales import torque_scale
+from metaid.recorded.doubts.scales import scales_of, torque_scale
 from metaid.recorded.weak_form.equations import Equations, Part
 from metaid.recorded.weak_form.linear_model import LinearModel, arm_model
 from metaid.recorded.weak_form.possible import Possible
@@ -113,6 +113,17 @@ class Check:
         return replace(self, equations=replace(self.equations, parts=tuple(parts)))
 
 
+@dataclass(frozen=True)
+class Fact:
+    """Something that looks wrong: the `option` that mends it, a sentence without a full stop, and what is left of the
+    unexplained torque with it.
+    """
+
+    text: str
+    option: str
+    left: float
+
+
 class Suspected(NamedTuple):
     """Something that may be wrong, in words, the `option` that mends it, and the `check` of logs that are mended."""
 
@@ -120,11 +131,37 @@ class Suspected(NamedTuple):
     option: str
     check: Check
 
-    @property
-    def of(self) -> str:
-        """What it is of: two that are of the same are one."""
-        kind, _, rest = self.option.partition(" ")
-        return kind if kind in ("--gravity", "--absolute") else f"{kind} {rest.partition('=')[0]}"
+
+def what_of(option: str) -> str:
+    """What an option that mends something is of: two that are of the same are one."""
+    kind, _, rest = option.partition(" ")
+    return kind if kind in ("--gravity", "--absolute") else f"{kind} {rest.partition('=')[0]}"
+
+
+def told_apart(facts: Sequence[Fact], mended: Mapping[str, Check]) -> list[Fact]:
+    """Facts without those of the same thing that another explains as well: where nominal bodies need the opposite of
+    what more joints carry, bodies are found that are upside down. What that does not tell is said as one or the other.
+
+    Args:
+        facts: that explain alike, the most telling first.
+        mended: the check by each of their options.
+    """
+    kept: list[Fact] = []
+    shares = {option: opposed(check) for option, check in mended.items()}
+    for fact in sorted(facts, key=lambda each: shares[each.option]):
+        like = next((each for each in kept if what_of(each.option) == what_of(fact.option)), None)
+        if like is None:
+            kept.append(fact)
+        elif shares[fact.option] <= shares[like.option]:
+            kept.append(replace(fact, text=f"or {fact.text}"))
+    return kept
+
+
+def opposed(check: Check) -> float:
+    """The share of joints whose nominal bodies need the opposite of what they carry; 0 where none tells."""
+    carried = scales_of(check.equations).by_weight
+    known = carried[np.isfinite(carried)]
+    return float((known < 0.0).mean()) if len(known) else 0.0
 
 
 def together(left: Array, usual: Array) -> float:
