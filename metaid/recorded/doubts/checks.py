@@ -34,13 +34,13 @@ from metaid.recorded.doubts.units import units_of
 from metaid.recorded.estimating import RecordedEstimate
 from metaid.recorded.reading.log import Record
 from metaid.recorded.weak_form.equations import Equations, Part, equations_of
+from metaid.recorded.weak_form.normal import FAR_ZERO
 from metaid.recorded.weak_form.smoothed import Smoothed
 
 MOST = 80  # windows of a check, of all logs
 SELDOM = 0.5  # as NAMED of gravity, which many other faults look like
 BOTH = 0.7  # of what one leaves: as NAMED of two at once, for there are many pairs
 ALIKE = 1.15  # times what the most telling fact leaves: a fact that leaves less is told beside it
-FAR = 0.2  # rad: no zero of an encoder is farther off by chance
 MOSTLY = 0.5  # of the joints that tell
 HALF = f"={np.pi:.4f}"  # a half turn, which turns what is carried as gravity does that points the other way
 FIRST, TRIED = 12, 16  # facts of which others are tried beside, and pairs that are tried on a possible model
@@ -177,7 +177,7 @@ def _thinned(records: Sequence[Record], logs: Sequence[Smoothed], found: Recorde
     """
     model = found.model.with_friction(("viscous", "coulomb", "offset"))
     # What is wrong moves the zeros that are fitted beside it, too.
-    zeros = found.zeros if np.abs(found.zeros).max(initial=0.0) < FAR else np.zeros_like(found.zeros)
+    zeros = found.zeros if np.abs(found.zeros).max(initial=0.0) < FAR_ZERO else np.zeros_like(found.zeros)
     for span, power in ((0.2, 6), (0.3, 8), (0.1, 5), (0.5, 10)):
         every = equations_of(records, logs, model, span, power)
         if every is None:

@@ -16,6 +16,7 @@ from metaid.recorded.doubts.scales import UNIT
 from metaid.recorded.estimating import RecordedEstimate
 from metaid.recorded.reading.log import Record
 from metaid.recorded.weak_form.linear_model import LEAST_SLIDE, LEAST_TURN
+from metaid.recorded.weak_form.normal import FAR_ZERO
 
 EXPLAINED = 3.0  # deviations of the noise: a misfit below explains what was seen
 EXACT = 0.002  # of the torque that was left out: an error below explains it, too
@@ -66,8 +67,9 @@ def judge_records(records: Sequence[Record], found: RecordedEstimate, facts: Seq
     is_known = bool(determined[: found.model.nbody].any())
     against = tuple(_against(records, found, is_known))
     if against:
-        return RecordedVerdict("not found", (*facts, *against), lumps)
-    told = (*_missed(found), *_held(found), *_without_motor(found), *_carried(found), *_unexplained(found))
+        return RecordedVerdict("not found", (*facts, *against, *_far_zeros(found)), lumps)
+    told = (*_missed(found), *_held(found), *_without_motor(found), *_carried(found))
+    told += (*_far_zeros(found), *_unexplained(found))
     if not is_known:
         told = (f"no parameter of the bodies is known to {COARSEST:.0%} by itself, only what they need together", *told)
     reasons = (predicted(found), *facts, *told, SCALE)
@@ -189,6 +191,16 @@ def _carried(found: RecordedEstimate) -> Iterator[str]:
         yield (
             f"what joints carry is not what the nominal bodies weigh, but so many times that: {factors}; the bodies "
             f"are wrong, or the torques are, as with another motor constant: {options}"
+        )
+
+
+def _far_zeros(found: RecordedEstimate) -> Iterator[str]:
+    """That zeros of encoders come out farther than chance puts them, in a sentence."""
+    log, joint = np.unravel_index(int(np.abs(found.zeros).argmax()), found.zeros.shape)
+    if abs(found.zeros[log, joint]) > FAR_ZERO:
+        yield (
+            f"the zero of joint {found.model.joints[joint]} comes out at {found.zeros[log, joint]:.2g} rad in "
+            f"{found.names[log]}, farther than chance puts it: compare the log's angles with the nominal frames"
         )
 
 

@@ -17,6 +17,7 @@ from metaid.recorded.weak_form.linear_model import LinearModel
 FLAT = 100.0  # how many times its torque a joint's friction may be beforehand: no prior at all
 UNCERTAIN = 1e-6  # of a prior's deviations, that all combinations of them have at least
 ZERO = 0.05  # rad: a standard deviation of the zero of an encoder beforehand
+FAR_ZERO = 4.0 * ZERO  # no zero is farther off by chance
 
 
 @dataclass(frozen=True)
