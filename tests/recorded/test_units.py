@@ -90,6 +90,12 @@ def test_user_says_the_unit_of_columns_whose_names_do_not() -> None:
     np.testing.assert_allclose(record.angles, usual.angles, rtol=1e-12)
     record = read(log.assign(angle_2=turned["angle_2"]), columns={"angle_2": "angle_2:deg"})
     np.testing.assert_allclose(record.angles, usual.angles, rtol=1e-12)
+    fast = clean(1.0, 10_000.0).drop(columns=["speed_1", "speed_2"])
+    fast = fast.assign(time=1e3 * fast["time"])  # may be 10 Hz in s as well
+    for mapping, period in (({}, 0.1), ({"time": "time:ms"}, 1e-4)):
+        np.testing.assert_allclose(read(fast, columns=mapping).period, period, rtol=1e-9)
+    with pytest.raises(RecordError, match=r"unknown unit 'h'.*\(allowed: s, ms, us, ns\)"):
+        read(log, columns={"time": "time:h"})
     with pytest.raises(RecordError, match=r"unknown unit 'grad'.*\(allowed: rad, mrad, deg, turn, m, mm\)"):
         read(log, columns={"angle": "angle:grad"})
 

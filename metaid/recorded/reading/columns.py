@@ -87,6 +87,7 @@ def understood(table: Table, joints: Sequence[str], mapping: Mapping[str, str]) 
     if is_current:
         kinds["torque"], _ = _of_kind(table, "current", meant, own_joints)
     times, unit = _clock(names)
+    unit = SPELLED.get(said_units.get("".join(times[:1]), ""), unit)
     factors: dict[str, float] = {}
     notes = _notes(times, kinds, names, joints, base) + _others(table, kinds["torque"], names, joints)
     for kind, own_columns in kinds.items():

@@ -20,6 +20,7 @@ SIZES = {
     },
     "torque": {"Nm": 1.0, "mNm": 1e-3, "Ncm": 1e-2, "Nmm": 1e-3, "kNm": 1e3, "N": 1.0},
     "current": {"A": 1.0, "mA": 1e-3},
+    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
 }
 _ANGLES = {
     **{"mrad": r"m(?:illi)?rad(?:ians?)?", "deg": r"deg(?:ree)?s?|°|dps", "turn": r"turns?|rev(?:olution)?s?"},
