@@ -33,7 +33,7 @@ SPELLED = {
     "torque": {"mNm": "m ?n ?m", "Ncm": "n ?cm", "Nmm": "n ?mm", "kNm": "k ?n ?m"},
     "current": {"mA": "m ?a|milliamp(?:ere)?s?"},
 }
-WORDS = {
+TOKENS = {
     *("mrad", "deg", "degs", "degree", "degrees", "dps", "rpm", "turn", "turns", "rev", "revs", "mm", "min", "per"),
     *("ncm", "nmm", "a", "k", "amp", "amps", "ma"),
 }  # beside those of ours: what a name may have that says a unit

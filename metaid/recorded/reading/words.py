@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from metaid.recorded.reading.units import WORDS as UNITS
+from metaid.recorded.reading.units import TOKENS
 
 WORDS = {
     "angle": ("angle", "angles", "position", "positions", "pos", "q", "theta", "phi", "qpos"),
@@ -22,7 +22,7 @@ WISHED = {
 PLAIN = {
     *("joint", "joints", "state", "states", "j", "jnt", "field", "data", "value", "msg", "link", "motor", "axis"),
     *("robot", "arm", "actual", "act", "meas", "measured", "msr", "fb", "feedback", "read", "raw"),
-    *("rad", "s", "sec", "nm", "n", "m", *UNITS),
+    *("rad", "s", "sec", "nm", "n", "m", *TOKENS),
 }
 
 
