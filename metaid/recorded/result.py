@@ -124,6 +124,7 @@ def estimate(
     topic: str | None = None,
     untrusted: Sequence[str] = (),
     reversed: Sequence[str] = (),
+    order: Sequence[str] | None = None,
     absolute: Sequence[str] = (),
 ) -> RecordedResult:
     """What logs say of a robot: its `verdict` with the frame of `lumps`, its `summary`, and its `model` to write.
@@ -151,6 +152,7 @@ def estimate(
         topic: of joint states in bags that have several.
         untrusted: joints that move, but whose torques are not used.
         reversed: joints whose angles, speeds and torques count the other way.
+        order: all joints as the logs have them one after the other; by default from the base on, or by their names.
         absolute: joints whose angles are of the link against the base; `elbow:motor` where its torque is, too.
 
     Raises:
@@ -179,11 +181,13 @@ def estimate(
     factors = _by_joint("scale", scale or {}, model, 1.0)
     offsets = _by_joint("zero", zero or {}, model, 0.0)
     signs = np.where(_by_joint("reversed", dict.fromkeys(reversed, 1.0), model, 0.0) > 0.0, -1.0, 1.0)
-
-    intake = Intake(model.joints, model.slides, columns or {}, topic, model.untrusted, model.endless, law is None)
+    places = _places(order, model.joints)
+    read_as = np.argsort(places)
+    slides, untrusted_read, endless = (each[read_as] for each in (model.slides, model.untrusted, model.endless))
+    intake = Intake(model.joints, slides, columns or {}, topic, untrusted_read, endless, law is None)
 
     def read(every: Sequence[Log], first: int) -> tuple[Record, ...]:
-        found = every_run(intake, every, first)
+        found = tuple(record.in_order(places) for record in every_run(intake, every, first))
         if law is not None:
             compensated = load_plant(law)
             if compensated.njoint != plant.njoint:
@@ -217,6 +221,16 @@ def _as_meant(record: Record, offsets: Array, factors: Array, signs: Array) -> R
     speeds = None if record.speeds is None else record.speeds * signs
     angles, torques = (record.angles + offsets) * signs, record.torques * factors * signs
     return replace(record, angles=angles, speeds=speeds, torques=torques)
+
+
+def _places(order: Sequence[str] | None, joints: Sequence[str]) -> list[int]:
+    """Where each of the robot's joints stands in logs (njoint), from 0 on.  Raises RecordError where an `order` is not
+    of all joints.
+    """
+    order = joints if order is None else order
+    if sorted(order) != sorted(joints):
+        raise RecordError(f"order {','.join(order)} (allowed: each once of {','.join(joints)})")
+    return [list(order).index(joint) for joint in joints]
 
 
 def _refuse_beside(measured: Absolute, given: Mapping[str, bool]) -> None:

@@ -15,6 +15,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 from swinging import log_of, swinging, swinging_arm
 
+from metaid.errors import RecordError
 from metaid.models import DEVIATIONS, Array
 from metaid.models.tree import joint_torque, planar_tree
 from metaid.plant import load_chain
@@ -167,3 +168,31 @@ def test_zero_that_is_off_by_a_quarter_turn_is_named_with_its_sign(shift: float,
     assert [fact.option for fact in facts] == [f"--zero shoulder={shift:.4f}"]
     said = [reason for reason in judge_records(runs, found).reasons if "farther than chance puts it" in reason]
     assert len(said) == (dry < 1.0)
+
+
+@pytest.mark.parametrize("names", [("b", "c", "a"), ("joint_1", "joint_2", "joint_3")])
+def test_joints_that_a_log_has_in_another_order_are_named(names: tuple[str, ...]) -> None:
+    """By the alphabet, as messages of ROS have them, or from the last on."""
+    arm = replace(swinging_arm(), names=names)
+    order = sorted(names) if sorted(names) != list(names) else names[::-1]
+    record = log_of(arm, extra=lambda speeds: 0.5 * speeds)
+    read = record.in_order([names.index(joint) for joint in order])
+    facts = facts_of([read], estimate_records([read], arm_model(wrong_tree(arm, 0)), VISCOUS))
+    assert [fact.option for fact in facts] == [f"--order {','.join(order)}"]
+
+
+def test_order_that_is_said_is_that_of_the_log() -> None:
+    """Whatever joints are: all that is said of one is of the one with that name; another order is refused."""
+    record = log_of(swinging_arm(), extra=lambda speeds: 0.5 * speeds)
+    told = {"friction": ["viscous"], "delay": 0.0, "zeros": False, "untrusted": ["elbow"], "scale": {"turret": 2.0}}
+    for places in ([0, 1, 2], [1, 2, 0]):
+        frame = pd.DataFrame({"time": record.times})
+        for number, joint in enumerate(places, 1):
+            frame[f"angle_{number}"], frame[f"torque_{number}"] = record.angles[:, joint], record.torques[:, joint]
+        order = [("turret", "shoulder", "elbow")[joint] for joint in places]
+        found = estimate(frame, "spatial-three-link", order=order, **told)
+        if places == [0, 1, 2]:
+            usual = found.estimate.values
+    np.testing.assert_array_equal(found.estimate.values, usual)
+    with pytest.raises(RecordError, match=r"order turret,elbow .*allowed: each once of turret,shoulder,elbow"):
+        estimate(frame, "spatial-three-link", order=["turret", "elbow"])

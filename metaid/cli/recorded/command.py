@@ -72,6 +72,7 @@ class LogsCommand(click.Command):
 @click.option("--topic", metavar="NAME", hidden=True, help="Of joint states in a bag that has several.")
 @click.option("--untrusted", metavar="A,B", help="Joints that move, but whose torques are not used.")
 @click.option("--reversed", "turned", metavar="A,B", hidden=True, help="Joints that count the other way.")
+@click.option("--order", metavar="A,B,…", hidden=True, help="All joints as logs have them.")
 @click.option("--scale", metavar="JOINT=FACTOR", multiple=True, help="Multiply logged torques of a joint, or of 'all'.")
 @click.option("--payload", "payloads", metavar="LOG=KG@X,Y,Z", multiple=True, help=PAYLOAD_HELP)
 @click.option("--zero", metavar="JOINT=RAD", multiple=True, help="Add to the logged angles of a joint.")
@@ -99,6 +100,7 @@ def estimate(
     topic: str | None,
     untrusted: str | None,
     turned: str | None,
+    order: str | None,
     scale: tuple[str, ...],
     payloads: tuple[str, ...],
     zero: tuple[str, ...],
@@ -146,6 +148,7 @@ def estimate(
         topic=topic,
         untrusted=() if untrusted is None else untrusted.split(","),
         reversed=() if turned is None else turned.split(","),
+        order=names_of(order),
     )
     warn(result.nominal_repairs)
     has_numbers = result.verdict.is_found or even_if_not_found

@@ -1,7 +1,8 @@
 """What a log may have wrong, and the equations that it would make: conventions that people have.
 
-Torques with a turned sign, an encoder whose zero is off by a quarter turn, joints that count the other way, angles
-that are read against the base, motors that turn with two joints and nobody said so, a base that hangs or leans.
+Torques with a turned sign, an encoder whose zero is off by a quarter turn, joints that count the other way or stand in
+another order, angles that are read against the base, motors that turn with two joints and nobody said so, a base that
+hangs or leans.
 """
 
 from __future__ import annotations
@@ -89,6 +90,10 @@ class Check:
         other = replace(own, angles=signs * own.angles, motors=signs * own.motors)
         return replace(self.with_measured(other), measured=own)
 
+    def with_order(self, places: Sequence[int]) -> Check:
+        """The same with joints that stand at other `places` in what was logged (njoint), from 0 on."""
+        return replace(self.with_measured(self.measured.in_order(places)), measured=self.measured)
+
     def with_measured(self, other: Absolute) -> Check:
         """The same of logs that measure the robot in an `other` way, motors that stand on the base with no friction of
         their own: more unknowns would speak for them.
@@ -135,7 +140,7 @@ class Suspected(NamedTuple):
 def what_of(option: str) -> str:
     """What an option that mends something is of: two that are of the same are one."""
     kind, _, rest = option.partition(" ")
-    return kind if kind in ("--gravity", "--absolute") else f"{kind} {rest.partition('=')[0]}"
+    return kind if kind in ("--gravity", "--absolute", "--order") else f"{kind} {rest.partition('=')[0]}"
 
 
 def told_apart(facts: Sequence[Fact], mended: Mapping[str, Check]) -> list[Fact]:
@@ -183,7 +188,7 @@ def suspected(check: Check) -> Iterator[Suspected]:
     """All that may be wrong in logs."""
     model = check.equations.model
     n, names = model.njoint, model.joints
-    one = np.eye(n)
+    one, named = np.eye(n), not all(name.isdigit() for name in names)
     driven = np.flatnonzero(~(model.untrusted | model.passive)).tolist()
     for joint in driven:
         text = f"the torque of joint {names[joint]} has the opposite sign"
@@ -195,6 +200,11 @@ def suspected(check: Check) -> Iterator[Suspected]:
     for joint in moving[int(model.is_pendulum) :].tolist() if n > 1 else ():  # a pendulum's mirror image moves alike
         text = f"joint {names[joint]} counts the other way"
         yield Suspected(text, f"--reversed {names[joint]}", check.with_reversed(joint))
+    orders = {tuple(names[::-1]): "from the last on"} | ({tuple(sorted(names)): "by the alphabet"} if named else {})
+    for order, how in orders.items():
+        if order != tuple(names):
+            places = [order.index(name) for name in names]
+            yield Suspected(f"the log has the joints {how}", f"--order {','.join(order)}", check.with_order(places))
     for joint in range(moving.max(initial=-1) + 1):  # beyond the last that moves all is one body
         for shift in QUARTERS if not model.slides[joint] else ():
             text = f"the zero of joint {names[joint]} is off by {np.degrees(shift):.0f}°"

@@ -68,6 +68,11 @@ class Record:
         nearest = np.searchsorted(0.5 * (self.times[1:] + self.times[:-1]), times)
         return np.asarray(self.rests[nearest], dtype=np.bool_)
 
+    def in_order(self, places: Sequence[int]) -> Record:
+        """The same of joints that stand at those `places` in it (njoint), from 0 on."""
+        speeds = None if self.speeds is None else self.speeds[:, places]
+        return replace(self, angles=self.angles[:, places], speeds=speeds, torques=self.torques[:, places])
+
     def with_torques(self, torques: Array) -> Record:
         """The same motion under these `torques` (nrow x njoint)."""
         return replace(self, torques=torques)
