@@ -25,6 +25,7 @@ class Wrong:
         scale: what the torques of each joint are multiplied with (njoint).
         zero: what is added to the angles of each joint (njoint), in rad.
         gravity: what metaid is told of it; None for the robot's own.
+        order: which joint's columns stand where those of each should (njoint), from 0 on; None: its own.
     """
 
     what: str
@@ -32,6 +33,7 @@ class Wrong:
     scale: np.ndarray
     zero: np.ndarray
     gravity: tuple[float, ...] | None = None
+    order: tuple[int, ...] | None = None
 
     def made(self, frame: pd.DataFrame) -> pd.DataFrame:
         """The log with it."""
@@ -39,7 +41,11 @@ class Wrong:
         for joint, (factor, offset) in enumerate(zip(self.scale, self.zero, strict=True), 1):
             bad[f"torque_{joint}"] *= factor
             bad[f"angle_{joint}"] += offset
-        return bad
+        if self.order is None:
+            return bad
+        kinds = {str(column).rpartition("_")[0] for column in bad} - {""}
+        moved = {f"{kind}_{i}": bad[f"{kind}_{own + 1}"] for kind in kinds for i, own in enumerate(self.order, 1)}
+        return bad.assign(**moved)
 
     def mending(self, names: Sequence[str]) -> Mapping[str, Any]:
         """What `metaid.estimate` is told by the option, numbers as the user knows them."""
@@ -47,6 +53,7 @@ class Wrong:
             "scale": dict(zip(names, (1.0 / self.scale).tolist(), strict=True)),
             "zero": dict(zip(names, (-self.zero).tolist(), strict=True)),
             "gravity": None if self.gravity is None else DOWN,
+            "order": None if self.order is None else [names[joint] for joint in self.order],
         }
 
 
@@ -66,6 +73,9 @@ def wrongs(names: Sequence[str], gains: np.ndarray) -> Iterator[Wrong]:
     yield Wrong("mN m of all", "--scale all=", 1000.0 * ones, none)
     yield Wrong("currents of all", "--scale all=", 1.0 / gains, none)
     yield Wrong("gravity along y", "--gravity 0,0,-9.8", ones, none, (0.0, -9.81, 0.0))
+    spelled = sorted(names)
+    order = tuple(names.index(name) for name in spelled)
+    yield Wrong("joints by the alphabet", f"--order {','.join(spelled)}", ones, none, order=order)
 
 
 def rows_of(frame: pd.DataFrame, robot: Path, names: Sequence[str], gains: np.ndarray) -> Iterator[dict[str, str]]:
