@@ -48,11 +48,6 @@ class Absolute:
         """Whether each logged torque is that of a joint."""
         return bool((self.motors == np.eye(len(self.motors))).all())
 
-    def in_order(self, places: Sequence[int]) -> Absolute:
-        """Of a log that has the joints in another order, each at one of those `places` (njoint), from 0 on."""
-        back = np.eye(len(places))[np.argsort(places)]
-        return replace(self, angles=back @ self.angles, motors=back @ self.motors)
-
     def record(self, record: Record) -> Record:
         """What the joints have of a log."""
         if self.is_plain:

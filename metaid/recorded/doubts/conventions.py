@@ -84,15 +84,11 @@ class Check:
             parts.append(Part(part.log, part.record, replace(part.windows, coordinates=moved), part.smoothed))
         return self._with(parts)
 
-    def with_reversed(self, joint: int) -> Check:
-        """The same with what was logged of a joint counted the other way."""
-        own, signs = self.measured, np.where(np.arange(self.equations.model.njoint) == joint, -1.0, 1.0)[:, None]
-        other = replace(own, angles=signs * own.angles, motors=signs * own.motors)
+    def with_logged(self, turned: Array) -> Check:
+        """The same of logs with signs or places of joints that are `turned` (njoint x njoint, orthogonal)."""
+        own = self.measured
+        other = replace(own, angles=turned @ own.angles, motors=turned @ own.motors)
         return replace(self.with_measured(other), measured=own)
-
-    def with_order(self, places: Sequence[int]) -> Check:
-        """The same with joints that stand at other `places` in what was logged (njoint), from 0 on."""
-        return replace(self.with_measured(self.measured.in_order(places)), measured=self.measured)
 
     def with_measured(self, other: Absolute) -> Check:
         """The same of logs that measure the robot in an `other` way, motors that stand on the base with no friction of
@@ -152,13 +148,15 @@ def told_apart(facts: Sequence[Fact], mended: Mapping[str, Check]) -> list[Fact]
         mended: the check by each of their options.
     """
     kept: list[Fact] = []
+    least: dict[str, float] = {}
     shares = {option: opposed(check) for option, check in mended.items()}
-    for fact in sorted(facts, key=lambda each: shares[each.option]):
-        like = next((each for each in kept if what_of(each.option) == what_of(fact.option)), None)
-        if like is None:
-            kept.append(fact)
-        elif shares[fact.option] <= shares[like.option]:
-            kept.append(replace(fact, text=f"or {fact.text}"))
+    for option, share in shares.items():
+        least[what_of(option)] = min(share, least.get(what_of(option), share))
+    for fact in facts:
+        what = what_of(fact.option)
+        if shares[fact.option] == least[what]:
+            is_other = any(what_of(each.option) == what for each in kept)
+            kept.append(replace(fact, text=f"or {fact.text}") if is_other else fact)
     return kept
 
 
@@ -199,12 +197,12 @@ def suspected(check: Check) -> Iterator[Suspected]:
     moving = np.flatnonzero(~check.equations.held)
     for joint in moving[int(model.is_pendulum) :].tolist() if n > 1 else ():  # a pendulum's mirror image moves alike
         text = f"joint {names[joint]} counts the other way"
-        yield Suspected(text, f"--reversed {names[joint]}", check.with_reversed(joint))
+        yield Suspected(text, f"--reversed {names[joint]}", check.with_logged(one - 2.0 * np.diag(one[joint])))
     orders = {tuple(names[::-1]): "from the last on"} | ({tuple(sorted(names)): "by the alphabet"} if named else {})
     for order, how in orders.items():
         if order != tuple(names):
-            places = [order.index(name) for name in names]
-            yield Suspected(f"the log has the joints {how}", f"--order {','.join(order)}", check.with_order(places))
+            logged = one[[names.index(name) for name in order]]
+            yield Suspected(f"the log has the joints {how}", f"--order {','.join(order)}", check.with_logged(logged))
     for joint in range(moving.max(initial=-1) + 1):  # beyond the last that moves all is one body
         for shift in QUARTERS if not model.slides[joint] else ():
             text = f"the zero of joint {names[joint]} is off by {np.degrees(shift):.0f}°"

@@ -17,7 +17,7 @@ from metaid.recorded.reading.formats import Table
 from metaid.recorded.reading.mapping import KINDS, called, words_of
 from metaid.recorded.reading.readings import Repair
 from metaid.recorded.reading.times import CLOCKS, SPELLED
-from metaid.recorded.reading.words import CHANGES, KIND_OF, OTHERS, PLAIN, WISHED, WORDS, tokens_of
+from metaid.recorded.reading.words import CHANGES, KIND_OF, LAST_NUMBER, OTHERS, PLAIN, WISHED, WORDS, tokens_of
 
 MOST_NAMED = 3  # words of columns that may be torques, too
 
@@ -135,9 +135,9 @@ def _joints_called(names: Iterable[str], joints: Sequence[str]) -> Sequence[str]
     words: dict[str, list[str]] = {}
     for name in names:
         kinds = [each for each in tokens_of(name) if each in KIND_OF]
-        called = "_".join(each for each in tokens_of(name) if each not in {*kinds, *PLAIN, *WISHED})
-        if len(kinds) == 1 and called and not re.search(r"\d", called) and not OTHERS & set(tokens_of(name)):
-            words.setdefault(KIND_OF[kinds[0]], []).append(called)
+        joint = "_".join(each for each in tokens_of(name) if each not in {*kinds, *PLAIN, *WISHED})
+        if len(kinds) == 1 and joint and not re.search(r"\d", joint) and not OTHERS & set(tokens_of(name)):
+            words.setdefault(KIND_OF[kinds[0]], []).append(joint)
     own, others = (list(dict.fromkeys(words.get(kind, ()))) for kind in ("angle", "torque"))
     others = others or list(dict.fromkeys(words.get("current", ())))
     return own if len(own) == len(joints) and set(own) == set(others) else joints
@@ -222,8 +222,8 @@ def _of_kind(
 
 
 def _of_joint(column: str, joint: int | str) -> str:
-    """What a numbered column would be called of another joint: the last number in its name is that of the joint."""
-    return re.sub(r"\d+(?!.*\d)", lambda _: str(joint), column)
+    """What a numbered column would be called of another joint."""
+    return LAST_NUMBER.sub(lambda _: str(joint), column)
 
 
 def _clock(names: Mapping[str, str]) -> tuple[tuple[str, ...], str | None]:

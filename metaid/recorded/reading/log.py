@@ -155,9 +155,9 @@ class Intake:
     def _numbers(self, table: Table, columns: Understood) -> Readings:
         """The cells of a table as numbers, NaN where a cell has none."""
         frame = table.load(columns.wanted)
-        own_units = {each: pd.to_numeric(frame[each], errors="coerce") for each in columns.factors}
-        frame = frame.assign(**{each: columns.factors[each] * read for each, read in own_units.items()})
-        kinds = {kind: _numbers(frame, own) if any(own) else None for kind, own in columns.kinds.items()}
+        kinds = {
+            kind: _numbers(frame, own, columns.factors) if any(own) else None for kind, own in columns.kinds.items()
+        }
         angles = kinds["angle"]
         assert angles is not None
         if self.untrusted is not None and kinds["torque"] is not None:
@@ -190,12 +190,13 @@ class Intake:
         return Record(name, readings.times, readings.angles, readings.speeds, torques, readings.repairs, readings.rests)
 
 
-def _numbers(frame: pd.DataFrame, names: Sequence[str]) -> Array:
+def _numbers(frame: pd.DataFrame, names: Sequence[str], factors: Mapping[str, float]) -> Array:
     """The cells of the columns of these names (nrow x ncolumn), NaN where one has no finite number, 0 of an empty name.
 
     Args:
         frame: all that was read.
         names: of the columns.
+        factors: by what those of some columns are multiplied.
     """
     cells = [frame[name] if name else pd.Series(0.0, index=frame.index) for name in names]
     columns = [
@@ -203,7 +204,7 @@ def _numbers(frame: pd.DataFrame, names: Sequence[str]) -> Array:
     ]
     numbers = np.column_stack([column.to_numpy(dtype=np.float64, na_value=np.nan) for column in columns])
     numbers[~np.isfinite(numbers)] = np.nan
-    return numbers
+    return numbers * [factors.get(name, 1.0) for name in names]
 
 
 def _at_angles(readings: Readings) -> Readings:

@@ -6,7 +6,8 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 
 from metaid.errors import RecordError, unknown
-from metaid.recorded.reading.units import said_unit
+from metaid.recorded.reading.units import SIZES
+from metaid.recorded.reading.words import LAST_NUMBER
 
 KINDS = ("angle", "speed", "torque")
 
@@ -44,7 +45,10 @@ def called(
         names |= means
         said |= {*means, *means.values()}
         if unit:
-            units |= dict.fromkeys(means, said_unit(unit, meaning.partition("_")[0]))
+            allowed = SIZES[meaning.partition("_")[0]]
+            if unit not in allowed:
+                raise RecordError(f"{log}: map {own}: {unknown('unit', unit, allowed)}")
+            units |= dict.fromkeys(means, unit)
     return {column: name for column, name in names.items() if column in said or name not in said}, units
 
 
@@ -61,8 +65,7 @@ def words_of(columns: Iterable[str], joints: Sequence[str]) -> dict[str, dict[st
 
 def _of_all(columns: Sequence[str], joints: Sequence[str], word: str, kind: str) -> dict[str, str]:
     """What all columns mean that have a `word` beside a joint's name or number; one alone needs neither."""
-    plain = _bare(word)
-    found = next((own for each, own in words_of(columns, joints).items() if _bare(each) == plain), {})
+    found = {_bare(each): own for each, own in words_of(columns, joints).items()}.get(_bare(word), {})
     if not found and word in columns and len(joints) == 1:
         return {word: f"{kind}_1"}
     base = 0 if "0" in found.values() else 1
@@ -76,7 +79,7 @@ def _without_joint(column: str, joints: Sequence[str]) -> list[tuple[str, str]]:
     """A column's name without that of each joint, or without its last number, and what was taken out."""
     named = [joint for joint in joints if not joint.isdigit()]
     inside = [(re.sub(rf"(?<![^\W_]){re.escape(joint)}(?![^\W_])", "", column), joint) for joint in named]
-    last = re.search(r"\d+(?!.*\d)", column)
+    last = LAST_NUMBER.search(column)
     number = [(column[: last.start()] + column[last.end() :], str(int(last[0])))] if last else []
     return [(own.strip(" _.-/[]()"), joint) for own, joint in (*inside, *number) if own != column]
 

@@ -8,7 +8,6 @@ from itertools import groupby
 
 import numpy as np
 
-from metaid.errors import RecordError, unknown
 from metaid.recorded.reading.readings import Repair
 
 OURS = {"angle": "rad", "speed": "rad/s", "torque": "Nm", "current": "A"}
@@ -39,20 +38,18 @@ TOKENS = {
 }  # beside those of ours: what a name may have that says a unit
 
 
+def spaced(name: str) -> str:
+    """A name in small letters, with a blank before each that was a capital within a word."""
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name).lower()
+
+
 def unit_in(name: str, kind: str) -> str:
     """The unit of readings of a `kind` that a column's name says; ours where it says none, or does not say another."""
-    plain = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name).lower().replace("·", " ").replace("*", " ")
+    plain = spaced(name).replace("·", " ").replace("*", " ")
     for unit, text in SPELLED[kind].items():
         if re.search(rf"(?<![a-z])(?:{text})(?![a-z])", plain):
             return unit
     return OURS[kind]
-
-
-def said_unit(unit: str, kind: str) -> str:
-    """The same as the user says it.  Raises RecordError where readings of this `kind` have no such unit."""
-    if unit not in SIZES[kind]:
-        raise RecordError(f"map: {unknown('unit', unit, SIZES[kind])}")
-    return unit
 
 
 def converted(columns: Sequence[str], units: Sequence[str], kind: str) -> tuple[dict[str, float], tuple[Repair, ...]]:

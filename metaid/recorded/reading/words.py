@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from metaid.recorded.reading.units import TOKENS
+from metaid.recorded.reading.units import TOKENS, spaced
 
 WORDS = {
     "angle": ("angle", "angles", "position", "positions", "pos", "q", "theta", "phi", "qpos"),
@@ -13,6 +13,7 @@ WORDS = {
     "current": ("current", "currents", "cur", "curr", "voltage", "voltages"),
 }
 KIND_OF = {word: kind for kind, words in WORDS.items() for word in words}
+LAST_NUMBER = re.compile(r"\d+(?!.*\d)")  # of a column of a numbered joint: the joint's
 CHANGES = ("dot", "d", "der", "deriv", "derivative")  # beside the word of an angle: its speed
 OTHERS = {"acc", "acceleration", "accelerations", "ddq", "qdd", "temperature", "temp", "error", "err", "dot"}
 WISHED = {
@@ -28,6 +29,4 @@ PLAIN = {
 
 def tokens_of(name: str) -> list[str]:
     """The words and numbers in a column's name, units in brackets left out."""
-    plain = re.sub(r"[\[(].*?[^0-9].*?[\])]", " ", name)
-    plain = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", plain)
-    return re.findall(r"[a-zµ]+|\d+", plain.lower())
+    return re.findall(r"[a-zµ]+|\d+", spaced(re.sub(r"[\[(].*?[^0-9].*?[\])]", " ", name)))
