@@ -19,6 +19,7 @@ import inspect
 import os
 import shutil
 import tempfile
+import threading
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -45,6 +46,7 @@ _OWN = Path(__file__).resolve().parent
 _INLINED = (_OWN, _OWN / "spatial", _OWN.parent / "models")
 _PREFIX = "machine-code-"
 
+_choosing = threading.Lock()
 _options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, **WITHOUT_REFERENCE_COUNTS}
 _of_parts: dict[str, Any] = {"forceinline": True, "no_cpython_wrapper": True}
 
@@ -59,9 +61,13 @@ class Compiled:
 
     def __init__(self, function: Callable[..., Any], **more: Any) -> None:
         functools.update_wrapper(self, function)
-        options = {**_options, **more}
-        self.whole = _kept(function, functools.partial(numba.njit, **options))
-        self.part = _kept(function, functools.partial(numba.njit, **options, **_of_parts), "parts")
+        self._function, self._options = function, {**_options, **more}
+        self.whole = _kept(function, functools.partial(numba.njit, **self._options))
+
+    @functools.cached_property
+    def part(self) -> Any:
+        """What is compiled into callers. A process that has their machine code from the disk does without it."""
+        return _kept(self._function, functools.partial(numba.njit, **self._options, **_of_parts), "parts")
 
     def __call__(self, *arguments: Any) -> Any:
         return self.whole(*arguments)
@@ -85,12 +91,12 @@ def _kept(function: Callable[..., Any], compiler: Callable[..., Any], within: st
     folder = cache_folder(source.parent) if source.is_file() else None
     if folder is None:
         return compiler()(function)
-    # numba chooses the folder of a function's cache where the function is decorated.
-    before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(folder / within)  # type: ignore[attr-defined]
-    try:
-        return compiler(cache=True)(function)
-    finally:
-        numba.config.CACHE_DIR = before  # type: ignore[attr-defined]
+    with _choosing:  # numba chooses the folder of a function's cache where the function is decorated
+        before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(folder / within)  # type: ignore[attr-defined]
+        try:
+            return compiler(cache=True)(function)
+        finally:
+            numba.config.CACHE_DIR = before  # type: ignore[attr-defined]
 
 
 compiled = Compiled

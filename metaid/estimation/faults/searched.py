@@ -293,10 +293,16 @@ def lagging(torques: Array, lag: float) -> tuple[Array, Array]:
     `lag` steps: the mean over each step. They begin at rest. And how early in its step each acts, as `late` has it.
     Eq. 41.
     """
-    from scipy.signal import lfilter  # slow to load, and few studies need it
+    from scipy.linalg import solve_banded  # which a command that only reads a DB does without
 
     left = float(np.exp(-1.0 / lag))
-    before = lfilter([0.0, 1.0 - left], [1.0, -left], torques, axis=1)  # at the begin of each step
+    # At the begin of each step: what is left of it at the step before, and of what was sent then the rest. SciPy's
+    # filters take longer to load than most estimates take.
+    bands = np.stack([np.ones(torques.shape[1]), np.full(torques.shape[1], -left)])
+    sent = (1.0 - left) * _moved(torques, 1).swapaxes(0, 1)
+    before = (
+        solve_banded((1, 0), bands, sent.reshape(len(sent), -1), check_finite=False).reshape(sent.shape).swapaxes(0, 1)
+    )
     missing, mean = before - torques, lag * (1.0 - left)
     return torques + missing * mean, missing * (lag - lag * mean - 0.5 * mean)
 
