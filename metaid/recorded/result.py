@@ -122,6 +122,7 @@ def estimate(
     zeros: bool | None = None,
     columns: Mapping[str, str] | None = None,
     topic: str | None = None,
+    rate: float | None = None,
     untrusted: Sequence[str] = (),
     reversed: Sequence[str] = (),
     order: Sequence[str] | None = None,
@@ -148,8 +149,10 @@ def estimate(
         window: length of the windows, in s; by default what predicts best what is left out, as the next two are.
         delay: by which torques act later than they are logged, in s.
         zeros: whether encoders have zeros of their own in each log.
-        columns: what columns of the logs mean that are not understood: `{"encoder a": "angle_1"}`.
+        columns: what columns of the logs mean that are not understood: `{"encoder a": "angle_1"}`; of logs without
+            names of columns what all mean in their order, `{"column": "time,angle,speed,torque"}`.
         topic: of joint states in bags that have several.
+        rate: rows a second of logs without times.
         untrusted: joints that move, but whose torques are not used.
         reversed: joints whose angles, speeds and torques count the other way.
         order: all joints as the logs have them one after the other; by default from the base on, or by their names.
@@ -184,7 +187,7 @@ def estimate(
     places = _places(order, model.joints)
     read_as = np.argsort(places)
     slides, untrusted_read, endless = (each[read_as] for each in (model.slides, model.untrusted, model.endless))
-    intake = Intake(model.joints, slides, columns or {}, topic, untrusted_read, endless, law is None)
+    intake = Intake(model.joints, slides, columns or {}, topic, untrusted_read, endless, law is None, _rate(rate))
 
     def read(every: Sequence[Log], first: int) -> tuple[Record, ...]:
         found = tuple(record.in_order(places) for record in every_run(intake, every, first))
@@ -221,6 +224,13 @@ def _as_meant(record: Record, offsets: Array, factors: Array, signs: Array) -> R
     speeds = None if record.speeds is None else record.speeds * signs
     angles, torques = (record.angles + offsets) * signs, record.torques * factors * signs
     return replace(record, angles=angles, speeds=speeds, torques=torques)
+
+
+def _rate(rate: float | None) -> float | None:
+    """Rows a second.  Raises RecordError where there can be none."""
+    if rate is not None and not 0.0 < rate < np.inf:
+        raise RecordError(f"rate: {rate:g} rows a second (allowed: above 0)")
+    return rate
 
 
 def _places(order: Sequence[str] | None, joints: Sequence[str]) -> list[int]:

@@ -69,6 +69,7 @@ class LogsCommand(click.Command):
 @click.option("--couple", "couples", metavar="I,J", multiple=True, help="Two joints whose motors are coupled.")
 @click.option("--absolute", metavar="JOINT", multiple=True, help=ABSOLUTE_HELP)
 @click.option("--map", "columns", metavar="OWN=OURS", multiple=True, help="What columns are: pwm=torque, q=angle:deg.")
+@click.option("--rate", type=float, metavar="HZ", help="Rows a second, of logs without times.")
 @click.option("--topic", metavar="NAME", hidden=True, help="Of joint states in a bag that has several.")
 @click.option("--untrusted", metavar="A,B", help="Joints that move, but whose torques are not used.")
 @click.option("--reversed", "turned", metavar="A,B", hidden=True, help="Joints that count the other way.")
@@ -97,6 +98,7 @@ def estimate(
     couples: tuple[str, ...],
     absolute: tuple[str, ...],
     columns: tuple[str, ...],
+    rate: float | None,
     topic: str | None,
     untrusted: str | None,
     turned: str | None,
@@ -146,6 +148,7 @@ def estimate(
         zeros=zeros,
         columns=dict(map(_meaning, columns)),
         topic=topic,
+        rate=rate,
         untrusted=() if untrusted is None else untrusted.split(","),
         reversed=() if turned is None else turned.split(","),
         order=names_of(order),

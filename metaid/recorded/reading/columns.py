@@ -19,6 +19,7 @@ from metaid.recorded.reading.readings import Repair
 from metaid.recorded.reading.times import CLOCKS, SPELLED
 from metaid.recorded.reading.words import CHANGES, KIND_OF, LAST_NUMBER, OTHERS, PLAIN, WISHED, WORDS, tokens_of
 
+BESIDE_CLOCKS = ("header", "field", "host", "ros", "unix", "data", "log")
 MOST_NAMED = 3  # words of columns that may be torques, too
 
 
@@ -237,7 +238,7 @@ def _clock(names: Mapping[str, str]) -> tuple[tuple[str, ...], str | None]:
         words = [each for each in tokens if each in CLOCKS]
         if words and units and SPELLED[units[-1]] in ("s", "ns") and "stamp" in tokens:
             split.setdefault(SPELLED[units[-1]], column)
-        alien = [each for each in tokens if each not in (*CLOCKS, *SPELLED, "header", "field", "host", "ros", "unix")]
+        alien = set(tokens) - {*CLOCKS, *SPELLED, *BESIDE_CLOCKS}
         if words and not alien:
             rank = 0 if name == "time" else 1 if "stamp" in tokens else 2 + CLOCKS.index(words[0])
             unit = SPELLED[units[-1]] if units else None

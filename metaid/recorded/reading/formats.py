@@ -10,18 +10,17 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from metaid.errors import RecordError, optional_packages
 from metaid.recorded.reading.arrays import ARRAYS, arrays_frame
 from metaid.recorded.reading.bags import BAGS, bag_tables, is_bag
+from metaid.recorded.reading.dialect import dialect_of, distinct, is_number
 from metaid.recorded.reading.readings import Repair
 
 TEXTS = (".csv", ".tsv", ".txt", ".dat")
 SUFFIXES = (*TEXTS, ".parquet", *ARRAYS, *BAGS)
-BEGINNING = 1 << 16  # bytes that tell how a text is written
-MOST_TITLES = 20  # lines that may stand above the names of columns
-NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?|[+-]?(nan|inf)", re.IGNORECASE)
 NAMED = re.compile(r"(.*?)name(\d+)$")
 
 
@@ -35,6 +34,7 @@ class Table:
         load: reads some of the columns.
         notes: how it is written, where that is not the usual way.
         topic: of a bag.
+        is_nameless: whether the file has no names of columns, so that these are `column_1`, `column_2` and so on.
     """
 
     name: str
@@ -42,6 +42,25 @@ class Table:
     load: Callable[[Sequence[str]], pd.DataFrame]
     notes: tuple[Repair, ...] = ()
     topic: str | None = None
+    is_nameless: bool = False
+
+    def renamed(self, names: Sequence[str]) -> Table:
+        """The same table with other `names` of its columns (ncolumn)."""
+        back = dict(zip(names, self.columns, strict=True))
+
+        def load(columns: Sequence[str]) -> pd.DataFrame:
+            return self.load([back[column] for column in columns]).set_axis(list(columns), axis="columns")
+
+        return replace(self, columns=tuple(names), load=load)
+
+    def on_rate(self, rate: float) -> Table:
+        """The same table with a column `time`, of so many rows a second."""
+
+        def load(columns: Sequence[str]) -> pd.DataFrame:
+            frame = self.load([column for column in columns if column != "time"])
+            return frame.assign(time=np.arange(len(frame)) / rate)[list(columns)]
+
+        return replace(self, columns=("time", *self.columns), load=load)
 
 
 def tables_of(log: str | Path | pd.DataFrame, number: int, topic: str | None) -> list[Table]:
@@ -97,19 +116,8 @@ def _parquet(path: Path) -> Table:
     return Table(str(path), tuple(columns), lambda wanted: pd.read_parquet(path, columns=list(wanted)))
 
 
-@dataclass(frozen=True)
-class _Dialect:
-    """How a text is written: what separates fields, the decimal sign, and which line has the names."""
-
-    separator: str
-    decimal: str
-    names: tuple[str, ...]
-    above: int
-    encoding: str
-
-
 def _text(path: Path) -> Table:
-    dialect = _dialect(path)
+    dialect = dialect_of(path)
     separator = r"\s+" if dialect.separator == " " else dialect.separator
 
     def load(columns: Sequence[str], rows: int | None = None) -> pd.DataFrame:
@@ -119,7 +127,7 @@ def _text(path: Path) -> Table:
                 path,
                 sep=separator,
                 decimal=dialect.decimal,
-                skiprows=dialect.above + 1,
+                skiprows=dialect.above,
                 header=None,
                 names=range(len(dialect.names)),
                 usecols=places,
@@ -136,72 +144,8 @@ def _text(path: Path) -> Table:
         between = {"\t": "tabs", " ": "blanks"}.get(dialect.separator, f"'{dialect.separator}'")
         decimals = ", with decimal commas" if dialect.decimal == "," else ""
         notes.append(Repair("format", 1, f"columns are separated by {between}{decimals}"))
-    names = _named_by_cells(dialect.names, load)
-    back = dict(zip(names, dialect.names, strict=True))
-
-    def renamed(columns: Sequence[str]) -> pd.DataFrame:
-        return load([back[column] for column in columns]).set_axis(list(columns), axis="columns")
-
-    return Table(str(path), names, renamed, tuple(notes))
-
-
-def _dialect(path: Path) -> _Dialect:
-    """How a text is written, by its beginning.  Raises RecordError where it has no names of columns."""
-    with path.open("rb") as file:
-        begin = file.read(BEGINNING)
-    encoding = _encoding(begin)
-    lines = begin.decode(encoding, errors="replace").splitlines()[: MOST_TITLES + 50]
-    if not any(line.strip() for line in lines):
-        raise RecordError(f"{path}: not a table: no columns in it")
-    for above, line in enumerate(lines[:MOST_TITLES]):
-        separator = next((each for each in (";", "\t", ",") if each in line), " ")
-        names = _fields(line.lstrip("# ") if line.startswith("#") else line, separator)
-        below = next((other for other in lines[above + 1 :] if other.strip()), "")
-        counts = {_count(each, separator) for each in (below, below.rstrip(f"{separator} "))}  # with or without an end
-        if len(names) > 1 and not any(map(_is_number, names)) and len(names) in counts:
-            decimal = "," if separator != "," and re.search(r"\d,\d", " ".join(lines[above + 1 :])) else "."
-            return _Dialect(separator, decimal, _distinct(names), above, encoding)
-    first = next(line for line in lines if line.strip())
-    if _is_number(_fields(first, next((each for each in (";", "\t", ",") if each in first), " "))[0]):
-        raise RecordError(f"{path}: no names of columns in its first line (allowed: time, angle_1, torque_1, …)")
-    separator = next((each for each in (";", "\t", ",") if each in first), " ")
-    return _Dialect(separator, ".", _distinct(_fields(first, separator)), lines.index(first), encoding)
-
-
-def _encoding(begin: bytes) -> str:
-    if begin.startswith((b"\xff\xfe", b"\xfe\xff")):
-        return "utf-16"
-    try:
-        begin[: begin.rfind(b"\n") + 1].decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return "latin-1"
-    return "utf-8-sig"
-
-
-def _fields(line: str, separator: str) -> list[str]:
-    if separator == " ":
-        return line.split()
-    return [field.strip() for field in next(csv.reader([line], delimiter=separator))]
-
-
-def _count(line: str, separator: str) -> int:
-    return len(_fields(line, separator)) if line else 0
-
-
-def _is_number(field: str) -> bool:
-    return NUMBER.fullmatch(field) is not None
-
-
-def _distinct(names: Sequence[str]) -> tuple[str, ...]:
-    """Names of columns, of which a second one of the same name gets a number, as pandas does it."""
-    found: list[str] = []
-    for name in names:
-        count, each = 0, name
-        while each in found:
-            count += 1
-            each = f"{name}.{count}"
-        found.append(each)
-    return tuple(found)
+    table = Table(str(path), dialect.names, load, tuple(notes), is_nameless=dialect.is_nameless)
+    return table.renamed(_named_by_cells(dialect.names, load))
 
 
 def _named_by_cells(columns: tuple[str, ...], load: Callable[[Sequence[str], int], pd.DataFrame]) -> tuple[str, ...]:
@@ -217,6 +161,6 @@ def _named_by_cells(columns: tuple[str, ...], load: Callable[[Sequence[str], int
         joint = str(first[column].iloc[0]) if len(first) else ""
         for kind in ("position", "velocity", "effort"):
             own = f"{match[1]}{kind}{match[2]}"
-            if own in names and joint and not _is_number(joint):
+            if own in names and joint and not is_number(joint):
                 names[names.index(own)] = f"{kind}_{joint}"
-    return _distinct(names)
+    return distinct(names)

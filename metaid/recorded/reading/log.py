@@ -21,6 +21,7 @@ from metaid.recorded.reading.columns import Understood, understood
 from metaid.recorded.reading.formats import Table, tables_of
 from metaid.recorded.reading.gaps import runs_of
 from metaid.recorded.reading.merging import Pieces, lacking, merged, sampled_at
+from metaid.recorded.reading.nameless import called_as_file, refusal
 from metaid.recorded.reading.plausible import refuse_few_rows, refuse_implausible
 from metaid.recorded.reading.readings import Readings, Repair, counted
 from metaid.recorded.reading.repairs import rested, tamed, unwrapped, without_repeats
@@ -90,6 +91,7 @@ class Intake:
         untrusted: which joints (njoint) move, but their torques are not used; None: none of them.
         endless: which joints (njoint) turn without an end; None: none of them.
         needs_torques: whether the torques must be in it; where not, and they are missing, they are 0.
+        rate: rows a second of logs without times; None: logs have times.
     """
 
     joints: Sequence[str]
@@ -99,6 +101,7 @@ class Intake:
     untrusted: NDArray[np.bool_] | None = None
     endless: NDArray[np.bool_] | None = None
     needs_torques: bool = True
+    rate: float | None = None
 
     def read(self, log: str | Path | pd.DataFrame, number: int = 1) -> tuple[Record, ...]:
         """The runs in a log: CSV, Parquet, arrays of MATLAB or NumPy, a bag, or a frame.
@@ -118,8 +121,17 @@ class Intake:
 
     def pieces(self, log: str | Path | pd.DataFrame, number: int = 1) -> list[tuple[Table, Understood]]:
         """The tables in a log, of a bag one a topic, and what their columns are.  Raises as `read`."""
-        tables = tables_of(log, number, self.topic)
-        return [(table, understood(table, self.joints, self.columns)) for table in tables]
+        tables = [called_as_file(table, len(self.joints)) for table in tables_of(log, number, self.topic)]
+        pieces = [(table, understood(table, self.joints, self.columns)) for table in tables]
+        return pieces if self.rate is None else [self._timed(*piece, self.rate) for piece in pieces]
+
+    @staticmethod
+    def _timed(table: Table, columns: Understood, rate: float) -> tuple[Table, Understood]:
+        """A table without times that has so many rows a second.  Raises RecordError where it has times."""
+        if columns.times:
+            raise RecordError(f"{table.name}: has times, in '{columns.times[0]}' (allowed: --rate for logs without)")
+        table = table.on_rate(rate)
+        return table, replace(columns, times=table.columns[:1], unit="s")
 
     def run_of(self, pieces: Pieces) -> tuple[Record, ...]:
         """The runs in tables, of which one has all that is needed, or all together.  Raises RecordError."""
@@ -146,6 +158,8 @@ class Intake:
         missing = lacking(every, self.needs_torques)
         if missing is None:
             return merged(every)
+        if table.is_nameless:
+            raise refusal(table, len(self.joints))
         there = ", ".join(table.columns[:MOST_NAMED]) + (", …" if len(table.columns) > MOST_NAMED else "")
         raise RecordError(
             f"{table.name}: no column '{missing if missing == 'time' else f'{missing}_1'}' among {there} (allowed: "

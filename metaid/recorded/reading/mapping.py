@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from metaid.errors import RecordError, unknown
 from metaid.recorded.reading.units import SIZES
@@ -21,7 +21,9 @@ def called(
         columns: of the log.
         joints: the names of the robot's joints.
         mapping: what columns mean that the user names: `time`, or `angle_`, `speed_`, `torque_` with a joint, or one of
-            these words alone for all columns that differ but in their joint; with a unit behind a colon.
+            these words alone for all columns that differ but in their joint; with a unit behind a colon. Or what all of
+            a word mean in their order, as `time,angle,speed,-7,torque`: one time, of each joint an angle and a speed,
+            seven that are not read, torques.
         log: its name, for messages.
 
     Raises:
@@ -32,7 +34,7 @@ def called(
     names = {column: column for column in columns}
     units: dict[str, str] = {}
     said: set[str] = set()
-    for own, meaning in mapping.items():
+    for own, meaning in _one_by_one(columns, joints, mapping, log):
         if meaning.partition(":")[0] not in {*ours, *KINDS} and own.partition(":")[0] in {*ours, *KINDS}:
             own, meaning = meaning, own
         meaning, _, unit = meaning.partition(":")
@@ -50,6 +52,38 @@ def called(
                 raise RecordError(f"{log}: map {own}: {unknown('unit', unit, allowed)}")
             units |= dict.fromkeys(means, unit)
     return {column: name for column, name in names.items() if column in said or name not in said}, units
+
+
+def _one_by_one(
+    columns: Sequence[str], joints: Sequence[str], mapping: Mapping[str, str], log: str
+) -> Iterator[tuple[str, str]]:
+    """A column or a word, and its meaning, one after the other, whatever several mean in their order.  Raises as
+    `called`.
+    """
+    for own, meaning in mapping.items():
+        if "," not in meaning:
+            yield own, meaning
+            continue
+        words = {_bare(word): [*found] for word, found in words_of(columns, joints).items()}
+        found = words.get(_bare(own))
+        if found is None:
+            raise RecordError(f"{log}: map: {unknown('word', own, words_of(columns, joints))}")
+        wanted: list[str | None] = []
+        for part in meaning.split(","):
+            kind, colon, unit = part.strip().partition(":")
+            if re.fullmatch(r"-\d+", kind):
+                wanted += [None] * int(kind[1:])
+            elif kind == "time" or kind in KINDS:
+                names = [kind] if kind == "time" else [f"{kind}_{joint + 1}" for joint in range(len(joints))]
+                wanted += [f"{name}{colon}{unit}" for name in names]
+            else:
+                raise RecordError(f"{log}: map {own}: {unknown('meaning', part, ('time', *KINDS, '-1', '-2', '…'))}")
+        if len(wanted) != len(found):
+            raise RecordError(
+                f"{log}: map {own}: {meaning} are {len(wanted)} columns (allowed: all {len(found)}, in their order; "
+                "-2 stands for two that are not read)"
+            )
+        yield from ((column, each) for column, each in zip(found, wanted, strict=True) if each is not None)
 
 
 def words_of(columns: Iterable[str], joints: Sequence[str]) -> dict[str, dict[str, str]]:
