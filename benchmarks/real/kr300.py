@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -19,11 +20,8 @@ from scipy.io import loadmat
 from benchmarks.real.judging import Log, missed
 from benchmarks.real.least_squares import instrumental, prepared
 from benchmarks.real.lines import Line, Table
-from benchmarks.real.printed import printed_line
-from benchmarks.real.torques import CLASSIC, STILL, YARDSTICK, Turn, in_turn, read_test, row_of
+from benchmarks.real.torques import Turn, arm_and_terms, in_turn, read_test
 from metaid.models import Array
-from metaid.plant import ArmPlant, load_plant
-from metaid.recorded import arm_model
 
 REPOSITORY = "Robot_Identification"  # of JonasWeigand, MIT
 LOGS = "data/recorded_trajectories/2020-10-21 10s FF {0} 08ms/data.mat"
@@ -114,9 +112,7 @@ def measure(folder: Path, place: Path) -> Iterator[Table | Line]:
     """Tables and lines; CSV and model files are written to a `place`."""
     logs = {name: read_log(folder / LOGS.format(name), name) for name in NAMES}
     xml = nominal(folder, place)
-    plain, arm = mujoco.MjModel.from_xml_path(str(xml)), load_plant(xml)
-    assert isinstance(arm, ArmPlant)
-    classic = arm_model(arm.tree, CLASSIC).with_still(np.full(6, STILL))
+    plain, classic = arm_and_terms(xml)
     turns = []
     pairs = []
     for name, (left_out, _) in logs.items():
@@ -126,14 +122,8 @@ def measure(folder: Path, place: Path) -> Iterator[Table | Line]:
         test = turns[-1].test
         pairs.append(test.pair(prepared(classic, test.motion).predicted(values)))
     own = in_turn(turns, xml, place, (AUTHORS, plain), classic)
-    every = {**own.found, f"instrumental variables, {CUTOFF:g} Hz": missed(pairs)}
-    title = (
-        f"KR300, torque at {YARDSTICK} Hz, two logs to the third: {', '.join(own.words)}; best {'; '.join(own.best)}"
-    )
-    yield Table(title, [row_of(name, each) for name, each in every.items()])
-    yield Table("KR300, errors that are printed", list(own.printed))
-    yield printed_line("KR300", own.printed)
+    by_instruments = {f"instrumental variables, {CUTOFF:g} Hz": missed(pairs)}
+    yield from replace(own, found={**own.found, **by_instruments}).told("KR300", "two logs to the third", MOST_BESIDE)
     ours = own.found["metaid, .py"].relative
     yield Line("KR300: torque by the .py", ours, MOST)
     yield Line("KR300: .py beside the authors' bodies", ours / own.found[AUTHORS].relative, 1.0)
-    yield Line("KR300: .py beside tuned least squares", own.beside, MOST_BESIDE)

@@ -12,19 +12,15 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pandas as pd
 
 import metaid
 from benchmarks.real.judging import Log, Missed
 from benchmarks.real.lines import Line, Table
-from benchmarks.real.printed import printed_line
-from benchmarks.real.torques import CLASSIC, STILL, YARDSTICK, Turn, in_turn, read_test, row_of
+from benchmarks.real.torques import CLASSIC, Turn, arm_and_terms, in_turn, read_test
 from benchmarks.real.urdf import urdf_of
 from metaid.models import Array
-from metaid.plant import ArmPlant, load_plant
-from metaid.recorded import arm_model
 
 REPOSITORY = "robot_identification"  # of Naruton94
 LOGS, NJOINT, JUDGED = (1, 2, 3), 6, 3
@@ -45,7 +41,6 @@ BODIES = np.array(
         [0.35, 0.0, 0.0, -0.0068, 2.61e-4, 0.0, 0.0, 2.62e-4, 0.0, 1.75e-4],
     ]
 )
-MOST_BESIDE = 1.0
 
 
 def read_log(folder: Path, number: int) -> tuple[pd.DataFrame, Log]:
@@ -73,9 +68,7 @@ def read_log(folder: Path, number: int) -> tuple[pd.DataFrame, Log]:
 def measure(folder: Path, place: Path) -> Iterator[Table | Line]:
     """Tables and lines; model files are written to a `place`."""
     urdf = urdf_of("shanghai", ALPHA, A, D, BODIES, place)
-    arm, plain = load_plant(urdf), mujoco.MjModel.from_xml_path(str(urdf))
-    assert isinstance(arm, ArmPlant)
-    classic = arm_model(arm.tree, CLASSIC).with_still(np.full(NJOINT, STILL))
+    plain, classic = arm_and_terms(urdf)
     logs = {f"log {number}": read_log(folder, number) for number in LOGS}
     first = metaid.estimate([frame for frame, _ in logs.values()], urdf, friction=CLASSIC)
     yield Table("Shanghai Electric, what is named first", [{"fact": fact.text} for fact in first.facts])
@@ -89,9 +82,4 @@ def measure(folder: Path, place: Path) -> Iterator[Table | Line]:
         turns, urdf, place, ("the authors' bodies as they are, fitted friction", plain), classic, untrusted=FALLING
     )
     judged = {name: Missed(each.squares[:JUDGED], each.whole[:JUDGED]) for name, each in own.found.items()}
-    title = f"Shanghai Electric, torque at {YARDSTICK} Hz, from two logs to the third: {', '.join(own.words)}"
-    yield Table(title, [row_of(name, each) for name, each in judged.items()])
-    yield Table("Shanghai Electric, errors that are printed", list(own.printed))
-    yield printed_line("Shanghai Electric", own.printed)
-    beside = replace(own, found=judged).beside
-    yield Line("Shanghai Electric: .py beside tuned least squares", beside, MOST_BESIDE)
+    yield from replace(own, found=judged).told("Shanghai Electric", "from two logs to the third")

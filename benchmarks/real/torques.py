@@ -7,10 +7,11 @@ have any size.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 
 import metaid
@@ -28,9 +29,10 @@ from benchmarks.real.judging import (
 )
 from benchmarks.real.least_squares import WEIGHTS, prepared, recipe, tuned
 from benchmarks.real.lines import Line, Table
-from benchmarks.real.printed import judged_rows, printed_and_measured
+from benchmarks.real.printed import judged_rows, printed_and_measured, printed_line
 from metaid.models import Array
-from metaid.recorded import LinearModel
+from metaid.plant import ArmPlant, load_plant
+from metaid.recorded import LinearModel, arm_model
 
 YARDSTICK = 7.5  # Hz
 CUTOFFS = (3.0, 5.0, 7.5, 10.0, 20.0)  # Hz
@@ -173,6 +175,31 @@ class InTurn:
     def beside(self) -> float:
         """The error of metaid's `.py` as a share of that of tuned least squares."""
         return self.found["metaid, .py"].relative / self.found[TUNED].relative
+
+    def told(self, machine: str, how: str, most: float = MOST_BESIDE) -> Iterator[Table | Line]:
+        """Tables and lines.
+
+        Args:
+            machine: its name.
+            how: what was held out.
+            most: that the `.py` may miss, as a share of what tuned least squares do.
+        """
+        title = f"{machine}, torque at {YARDSTICK} Hz, {how}: {', '.join(self.words)}; best {'; '.join(self.best)}"
+        yield Table(title, [row_of(name, each) for name, each in self.found.items()])
+        yield Table(f"{machine}, errors that are printed", list(self.printed))
+        yield printed_line(machine, self.printed)
+        yield Line(f"{machine}: .py beside tuned least squares", self.beside, most)
+
+
+def arm_and_terms(nominal: Path, gravity: Sequence[float] | None = None) -> tuple[Any, LinearModel]:
+    """A `nominal` arm as MuJoCo has it, and the terms of least squares, in `gravity` (m/s²), or its own."""
+    plain, arm = mujoco.MjModel.from_xml_path(str(nominal)), load_plant(nominal)
+    assert isinstance(arm, ArmPlant)
+    tree = arm.tree
+    if gravity is not None:
+        plain.opt.gravity[:] = gravity
+        tree = replace(tree, gravity=np.array(gravity))
+    return plain, arm_model(tree, CLASSIC).with_still(np.full(tree.njoint, STILL))
 
 
 def in_turn(

@@ -11,21 +11,17 @@ import struct
 from collections.abc import Iterator
 from pathlib import Path
 
-import mujoco
 import numpy as np
 
 from benchmarks.real.judging import Log
 from benchmarks.real.lines import Line, Table
-from benchmarks.real.printed import printed_line
-from benchmarks.real.torques import CLASSIC, STILL, YARDSTICK, Turn, in_turn, read_test, row_of
+from benchmarks.real.torques import Turn, arm_and_terms, in_turn, read_test
 from benchmarks.real.urdf import bare_urdf
-from metaid.plant import ArmPlant, load_plant
-from metaid.recorded import arm_model
 
 REPOSITORY = "inverse-dynamics-solver"  # of unisa-acg, BSD-3; its bags of a Panda are kept for judging
 BAG = "ur10_inverse_dynamics_solver/bagfiles/ur10_exciting_trajectory.db3"
 URDF = "figaroh-examples/models/ur_description/urdf/ur10_robot.urdf"
-NJOINT, THIRDS = 6, 3
+THIRDS = 3
 MOST, MOST_BESIDE = 0.08, 1.02
 
 
@@ -46,9 +42,7 @@ def measure(folder: Path, place: Path) -> Iterator[Table | Line]:
     if not described.is_file():
         return
     log, urdf = read_log(folder / BAG), bare_urdf(described, place)
-    plain, arm = mujoco.MjModel.from_xml_path(str(urdf)), load_plant(urdf)
-    assert isinstance(arm, ArmPlant)
-    classic = arm_model(arm.tree, CLASSIC).with_still(np.full(NJOINT, STILL))
+    plain, classic = arm_and_terms(urdf)
     thirds = np.array_split(np.arange(len(log.times)), THIRDS)
     turns = []
     for number, rows in enumerate(thirds, 1):
@@ -56,9 +50,5 @@ def measure(folder: Path, place: Path) -> Iterator[Table | Line]:
         learned = [run for run in outside if len(run.times)]
         turns.append(Turn(f"third {number}", [run.frame for run in learned], learned, read_test(log.rows(rows))))
     own = in_turn(turns, urdf, place, ("URDF and fitted friction", plain), classic)
-    title = f"UR10, torque at {YARDSTICK} Hz, thirds held out: {', '.join(own.words)}; best {'; '.join(own.best)}"
-    yield Table(title, [row_of(name, each) for name, each in own.found.items()])
-    yield Table("UR10, errors that are printed", list(own.printed))
-    yield printed_line("UR10", own.printed)
+    yield from own.told("UR10", "thirds held out", MOST_BESIDE)
     yield Line("UR10: torque by the .py", own.found["metaid, .py"].relative, MOST)
-    yield Line("UR10: .py beside tuned least squares", own.beside, MOST_BESIDE)
