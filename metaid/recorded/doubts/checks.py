@@ -13,6 +13,7 @@ import numpy as np
 
 from metaid.models import Array
 from metaid.recorded.absolute import Absolute, absolute_of
+from metaid.recorded.doubts.contacts import brief_contact
 from metaid.recorded.doubts.conventions import (
     LOST,
     NAMED,
@@ -61,7 +62,9 @@ def facts_of(records: Sequence[Record], found: RecordedEstimate, measured: Absol
     dead = found.model.passive & ~found.equations.held & (found.held_out.by_joint > DRIVEN)
     driven = tuple(_driven(name) for name in np.array(found.model.joints)[dead].tolist())
     equations = _thinned(records, found.logs, found)
-    return driven if equations is None else (*_named(equations, found, measured), *driven)
+    named = driven if equations is None else (*_named(equations, found, measured), *driven)
+    contact = None if named else brief_contact(found)
+    return named if contact is None else (Fact(contact, "", 0.0),)
 
 
 def _named(equations: Equations, found: RecordedEstimate, measured: Absolute | None) -> tuple[Fact, ...]:

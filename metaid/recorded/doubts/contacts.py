@@ -1,0 +1,44 @@
+"""Whether a joint met something for a moment, as an end stop or a hand: what is left is almost all there."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from metaid.recorded.estimating import RecordedEstimate
+
+MOMENT = 0.5  # s
+WITHIN = 0.7  # of the squares of what is left of a joint, that are within a MOMENT
+SELDOM = 0.05  # of the time that is judged, that a MOMENT is at most
+MISSED = 0.03  # of a joint's torque, that is left at least
+
+
+def brief_contact(found: RecordedEstimate) -> str | None:
+    """The joint of which far the most that is left is within a moment, and when, in a sentence without a full stop;
+    None where there is none. Gears, friction and noise miss a little all the time.
+    """
+    yardstick, model, held = found.chosen.yardstick, found.model, found.held_out
+    moved = sum(float(own.judged.sum()) * own.period for own in found.logs)
+    may = ~(model.untrusted | model.passive | found.equations.held) & (held.by_joint > MISSED)
+    if SELDOM * moved < MOMENT or not may.any():
+        return None
+    moments, whole = [], np.zeros(model.njoint)
+    for log, own in enumerate(found.logs):
+        left = yardstick.sent(log, found.delay) - yardstick.predicted(model, found.values, log, found.zeros[log])
+        squares = np.where(own.judged[:, None], left**2, 0.0) * own.period
+        reach = max(1, round(MOMENT / own.period))
+        sums = np.cumsum(np.vstack([np.zeros(model.njoint), squares]), axis=0)
+        within = sums[reach:] - sums[:-reach] if len(squares) > reach else sums[-1:]
+        begins = within.argmax(axis=0)
+        whole += sums[-1]
+        for joint in np.flatnonzero(may).tolist():
+            begin = int(begins[joint])
+            at = begin + int(squares[begin : begin + reach, joint].argmax())
+            moments.append((joint, float(within[begin, joint]), float(own.times[at]), found.names[log]))
+    joint, most, time, name = max(moments, key=lambda each: each[1] / max(whole[each[0]], 1e-300))
+    share = most / max(whole[joint], 1e-300)
+    if share < WITHIN:
+        return None
+    return (
+        f"{share:.0%} of what is left of joint {model.joints[joint]} is about {time:.4g} s after {name} begins: "
+        "an end stop, a blow or a contact; leave these rows out"
+    )
