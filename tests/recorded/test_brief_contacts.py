@@ -26,7 +26,7 @@ def log_of_motion() -> pd.DataFrame:
     """What a servo reads and sends along a motion that leaves for a moment what the stop allows, 60°."""
     model = mujoco.MjModel.from_xml_string(ARM.format(mass=1.0))
     data, rows = mujoco.MjData(model), []
-    for step in range(6000):
+    for step in range(8000):
         time = step * model.opt.timestep
         moment = np.exp(-(((time - MET) / 0.1) ** 2))
         wanted = np.array([np.sin(1.3 * time) + 0.4 * np.sin(4.1 * time), 0.7 * np.sin(1.9 * time) + moment])

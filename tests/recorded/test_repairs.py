@@ -18,6 +18,19 @@ def test_rows_without_a_number_are_left_out_and_counted() -> None:
     assert record.repairs[0].text == "3 rows without a number left out, the first row 18: angle_1"
 
 
+def test_rows_that_a_recorder_wrote_before_it_had_readings_are_left_out() -> None:
+    """As real recorders do: parts of other packets, and numbers that no unit has, between rows that look like some."""
+    log = clean()
+    for row, column, read_as in ((1, "angle_1", 253.0), (2, "angle_2", -1.6e189), (5, "torque_1", 3e307)):
+        log.loc[row, column] = read_as
+    record = read(log)
+    assert (
+        record.repairs[0].text == "the first 6 rows left out: angle_1 is 253 in row 2, where no joint of the log goes"
+    )
+    assert kinds(record) == ["head"]
+    np.testing.assert_array_equal(record.torques, log[["torque_1", "torque_2"]].iloc[6:])
+
+
 @pytest.mark.parametrize("size", [0.1, 3.0, 1e6])
 def test_lone_wild_readings_are_replaced_by_what_their_neighbours_say(size: float) -> None:
     """Of angles, speeds and torques, each counted; no other reading is touched."""

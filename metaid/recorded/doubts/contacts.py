@@ -8,7 +8,7 @@ from metaid.recorded.estimating import RecordedEstimate
 
 MOMENT = 0.5  # s
 WITHIN = 0.7  # of the squares of what is left of a joint, that are within a MOMENT
-SELDOM = 0.05  # of the time that is judged, that a MOMENT is at most
+SELDOM = 1.0 / 30.0  # of the time that is judged, that a MOMENT is at most
 MISSED = 0.03  # of a joint's torque, that is left at least
 
 

@@ -24,10 +24,11 @@ from metaid.recorded.reading.merging import Pieces, lacking, merged, sampled_at
 from metaid.recorded.reading.nameless import called_as_file, refusal
 from metaid.recorded.reading.plausible import refuse_few_rows, refuse_implausible
 from metaid.recorded.reading.readings import Readings, Repair, counted
-from metaid.recorded.reading.repairs import rested, tamed, unwrapped, without_repeats
+from metaid.recorded.reading.repairs import rested, tamed, unwrapped, without_head, without_repeats
 from metaid.recorded.reading.times import begins_again, in_order, in_seconds, numeric_times
 
 MOST_NAMED = 8  # columns, in a message
+NO_READING = 1e15  # in any unit: what a recorder wrote that had none yet
 FEW_LEFT = 0.5  # of the rows: with more that lack a number, a log is refused
 
 
@@ -181,7 +182,7 @@ class Intake:
 
     def _runs(self, readings: Readings) -> list[Readings]:
         """The runs of a log, repaired, in the order of time, and plausible."""
-        readings = in_order(_without_holes(_at_angles(readings)))
+        readings = in_order(_without_holes(without_head(_at_angles(readings))))
         refuse_few_rows(readings)
         readings = replace(readings, times=readings.times - readings.times[0])
         readings = without_repeats(unwrapped(tamed(readings), self.slides))
@@ -205,7 +206,7 @@ class Intake:
 
 
 def _numbers(frame: pd.DataFrame, names: Sequence[str], factors: Mapping[str, float]) -> Array:
-    """The cells of the columns of these names (nrow x ncolumn), NaN where one has no finite number, 0 of an empty name.
+    """The cells of the columns of these names (nrow x ncolumn), NaN where one has no reading, 0 of an empty name.
 
     Args:
         frame: all that was read.
@@ -217,7 +218,7 @@ def _numbers(frame: pd.DataFrame, names: Sequence[str], factors: Mapping[str, fl
         column if pd.api.types.is_numeric_dtype(column) else pd.to_numeric(column, errors="coerce") for column in cells
     ]
     numbers = np.column_stack([column.to_numpy(dtype=np.float64, na_value=np.nan) for column in columns])
-    numbers[~np.isfinite(numbers)] = np.nan
+    numbers[~(np.abs(numbers) < NO_READING)] = np.nan
     return numbers * [factors.get(name, 1.0) for name in names]
 
 

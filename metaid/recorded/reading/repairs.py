@@ -22,6 +22,7 @@ BEYOND = 3.0  # times the usual large step nearby
 MOSTLY = 0.7  # of the readings nearby, others of which may be wild, too
 NEARBY = 25  # rows on either side
 SLIGHT = 1e-3  # of what a column spans: a wild reading that is less does no harm
+HEAD, FARTHER, FAR = 25, 5.0, 10.0  # rows; times what a joint spans, and rad or m: farther off is no reading
 SELDOM = 0.02  # of the readings: more wild ones are a broken sensor
 TURN = 2.0 * np.pi
 NEAR_A_TURN = 0.6  # rad
@@ -70,6 +71,25 @@ def tamed(readings: Readings) -> Readings:
             text = f"{', '.join(kept)} often far from readings before and after, as a controller's steps make it: kept"
             readings = readings.repaired("steps", sum(map(len, kept.values())), text)
     return readings
+
+
+def without_head(readings: Readings) -> Readings:
+    """The same without its first rows, up to the last that has no number or an angle where no joint of the log goes:
+    recorders write what is in their memory while they have no reading. One such row alone is a wild reading.
+    """
+    angles, head = readings.angles, max(HEAD, round(SELDOM * len(readings)))
+    if not np.isfinite(angles).all(axis=1).any():
+        return readings
+    low, middle, high = np.nanquantile(angles, (0.01, 0.5, 0.99), axis=0)
+    far = np.abs(angles - middle) > FARTHER * (high - low) + FAR
+    kinds = [read for read in (angles, readings.speeds, readings.torques) if read is not None]
+    unread = far.any(axis=1) | np.isnan(np.concatenate(kinds, axis=1)).any(axis=1)
+    if unread[:head].sum() < 2 or not far[:head].any() or far[head:].any():
+        return readings
+    count, row = int(np.flatnonzero(unread[:head])[-1]) + 1, int(far.any(axis=1).argmax())
+    name, read = readings.names["angle"][int(far[row].argmax())], angles[row][far[row]][0]
+    text = f"the first {count} rows left out: {name} is {read:.4g} in row {row + 1}, where no joint of the log goes"
+    return readings.rows(slice(count, None)).repaired("head", count, text)
 
 
 def _between(read: Array) -> Array:
