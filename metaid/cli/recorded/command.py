@@ -69,7 +69,7 @@ class LogsCommand(click.Command):
 @click.option("--couple", "couples", metavar="I,J", multiple=True, help="Two joints whose motors are coupled.")
 @click.option("--absolute", metavar="JOINT", multiple=True, help=ABSOLUTE_HELP)
 @click.option("--map", "columns", metavar="OWN=OURS", multiple=True, help="What columns are: pwm=torque, q=angle:deg.")
-@click.option("--rate", type=float, metavar="HZ", help="Rows a second, of logs without times.")
+@click.option("--rate", type=float, metavar="HZ", hidden=True, help="Rows a second, of logs without times.")
 @click.option("--topic", metavar="NAME", hidden=True, help="Of joint states in a bag that has several.")
 @click.option("--untrusted", metavar="A,B", help="Joints that move, but whose torques are not used.")
 @click.option("--reversed", "turned", metavar="A,B", hidden=True, help="Joints that count the other way.")
