@@ -300,9 +300,8 @@ def lagging(torques: Array, lag: float) -> tuple[Array, Array]:
     # filters take longer to load than most estimates take.
     bands = np.stack([np.ones(torques.shape[1]), np.full(torques.shape[1], -left)])
     sent = (1.0 - left) * _moved(torques, 1).swapaxes(0, 1)
-    before = (
-        solve_banded((1, 0), bands, sent.reshape(len(sent), -1), check_finite=False).reshape(sent.shape).swapaxes(0, 1)
-    )
+    followed = solve_banded((1, 0), bands, sent.reshape(len(sent), -1), check_finite=False)
+    before = followed.reshape(sent.shape).swapaxes(0, 1)
     missing, mean = before - torques, lag * (1.0 - left)
     return torques + missing * mean, missing * (lag - lag * mean - 0.5 * mean)
 

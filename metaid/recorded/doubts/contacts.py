@@ -34,8 +34,7 @@ def brief_contact(found: RecordedEstimate) -> str | None:
             begin = int(begins[joint])
             at = begin + int(squares[begin : begin + reach, joint].argmax())
             moments.append((joint, float(within[begin, joint]), float(own.times[at]), found.names[log]))
-    joint, most, time, name = max(moments, key=lambda each: each[1] / max(whole[each[0]], 1e-300))
-    share = most / max(whole[joint], 1e-300)
+    share, joint, time, name = max((most / max(whole[joint], 1e-300), joint, *at) for joint, most, *at in moments)
     if share < WITHIN:
         return None
     return (

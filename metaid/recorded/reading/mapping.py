@@ -64,9 +64,8 @@ def _one_by_one(
         if "," not in meaning:
             yield own, meaning
             continue
-        words = {_bare(word): [*found] for word, found in words_of(columns, joints).items()}
-        found = words.get(_bare(own))
-        if found is None:
+        found = _with_word(columns, joints, own)
+        if not found:
             raise RecordError(f"{log}: map: {unknown('word', own, words_of(columns, joints))}")
         wanted: list[str | None] = []
         for part in meaning.split(","):
@@ -99,7 +98,7 @@ def words_of(columns: Iterable[str], joints: Sequence[str]) -> dict[str, dict[st
 
 def _of_all(columns: Sequence[str], joints: Sequence[str], word: str, kind: str) -> dict[str, str]:
     """What all columns mean that have a `word` beside a joint's name or number; one alone needs neither."""
-    found = {_bare(each): own for each, own in words_of(columns, joints).items()}.get(_bare(word), {})
+    found = _with_word(columns, joints, word)
     if not found and word in columns and len(joints) == 1:
         return {word: f"{kind}_1"}
     base = 0 if "0" in found.values() else 1
@@ -107,6 +106,11 @@ def _of_all(columns: Sequence[str], joints: Sequence[str], word: str, kind: str)
         column: f"{kind}_{int(joint) - base + 1}" if joint.isdigit() else f"{kind}_{joint}"
         for column, joint in found.items()
     }
+
+
+def _with_word(columns: Sequence[str], joints: Sequence[str], word: str) -> dict[str, str]:
+    """The columns of a `word`, in their order, with the joint or number of each."""
+    return {_bare(each): own for each, own in words_of(columns, joints).items()}.get(_bare(word), {})
 
 
 def _without_joint(column: str, joints: Sequence[str]) -> list[tuple[str, str]]:

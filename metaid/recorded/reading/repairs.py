@@ -87,8 +87,11 @@ def without_head(readings: Readings) -> Readings:
     if unread[:head].sum() < 2 or not far[:head].any() or far[head:].any():
         return readings
     count, row = int(np.flatnonzero(unread[:head])[-1]) + 1, int(far.any(axis=1).argmax())
-    name, read = readings.names["angle"][int(far[row].argmax())], angles[row][far[row]][0]
-    text = f"the first {count} rows left out: {name} is {read:.4g} in row {row + 1}, where no joint of the log goes"
+    joint = int(far[row].argmax())
+    text = (
+        f"the first {count} rows left out: {readings.names['angle'][joint]} is {angles[row, joint]:.4g} in row "
+        f"{row + 1}, where no joint of the log goes"
+    )
     return readings.rows(slice(count, None)).repaired("head", count, text)
 
 
