@@ -24,6 +24,7 @@ from metaid.recorded.estimating import RecordedEstimate, estimate_records
 from metaid.recorded.gains import Gains, Payload, drive_gains
 from metaid.recorded.held_out import HeldOut, Yardstick
 from metaid.recorded.reading.log import Intake, Record, every_run
+from metaid.recorded.reading.stretches import Stretches, refuse_unknown, without
 from metaid.recorded.telling.judging import RecordedVerdict, judge_records
 from metaid.recorded.telling.left_out import LeftOut, left_out, predicted_parts
 from metaid.recorded.telling.model_files import FileError, file_error, recorded_identified_model
@@ -127,6 +128,7 @@ def estimate(
     reversed: Sequence[str] = (),
     order: Sequence[str] | None = None,
     absolute: Sequence[str] = (),
+    leave_out: Stretches | None = None,
 ) -> RecordedResult:
     """What logs say of a robot: its `verdict` with the frame of `lumps`, its `summary`, and its `model` to write.
 
@@ -157,6 +159,7 @@ def estimate(
         reversed: joints whose angles, speeds and torques count the other way.
         order: all joints as the logs have them one after the other; by default from the base on, or by their names.
         absolute: joints whose angles are of the link against the base; `elbow:motor` where its torque is, too.
+        leave_out: by log, stretches from a time to another, in s: `{"log.csv": [(10.9, 11.4)]}`.
 
     Raises:
         RecordError: a log cannot be used, or does not fit the robot.
@@ -204,6 +207,9 @@ def estimate(
     records, others = read(many, 1), read(held_out, len(many) + 1)
     after = len(many) + len(held_out) + 1
     loaded = [(record, each) for number, each in enumerate(payloads, after) for record in read([each.log], number)]
+    if leave_out:
+        refuse_unknown(leave_out, [*records, *others])
+        records, others = without(records, leave_out), without(others, leave_out)
     with threadpool_limits(1):  # matrices this small are slower on several
         gains = _gains(records, loaded, model) if loaded else None
         if gains is not None:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pandas as pd
 import pytest
+from conftest import Finished
 
 import metaid
 
@@ -37,16 +39,50 @@ def log_of_motion() -> pd.DataFrame:
     return pd.DataFrame(rows, columns=columns)
 
 
-def test_end_stop_that_a_joint_meets_once_is_named_with_its_time(tmp_path: Path) -> None:
-    """And no longer once these rows are left out."""
+def test_end_stop_that_a_joint_meets_once_is_named_with_the_option_that_leaves_it_out(tmp_path: Path) -> None:
+    """And no longer once it is left out, which is said."""
     log, nominal = log_of_motion(), tmp_path / "arm.xml"
     nominal.write_text(ARM.format(mass=1.2))
-    reasons = metaid.estimate(log, nominal, friction=["viscous"]).verdict.reasons
-    (said,) = [each for each in reasons if "an end stop, a blow or a contact" in each]
-    match = re.search(r"% of what is left of joint elbow is about ([\d.]+) s after frame 1 begins: ", said)
+    (fact,) = metaid.estimate(log, nominal, friction=["viscous"]).facts
+    match = re.match(
+        r"\d+% of what is left of joint elbow is about ([\d.]+) s after frame 1 begins, as of an", fact.text
+    )
     assert match is not None
     assert float(match[1]) == pytest.approx(MET, abs=0.1)
-    without = log[(log["time"] - MET).abs() > 0.4]
-    verdict = metaid.estimate(without, nominal, friction=["viscous"]).verdict
-    assert verdict.is_found
-    assert not any("an end stop" in each for each in verdict.reasons)
+    option = re.fullmatch(r"--leave-out 'frame 1=([\d.]+),([\d.]+)'", fact.option)
+    assert option is not None
+    stretch = float(option[1]), float(option[2])
+    result = metaid.estimate(log, nominal, friction=["viscous"], leave_out={"frame 1": [stretch]})
+    assert result.verdict.is_found
+    assert not result.facts
+    assert result.records[0].repairs[-1].text.endswith(f"from {stretch[0]:g} to {stretch[1]:g} s left out, as asked")
+
+
+def test_what_is_left_out_is_not_fitted(tmp_path: Path) -> None:
+    """As if nobody knew what the torques were there."""
+    log, nominal = log_of_motion(), tmp_path / "arm.xml"
+    nominal.write_text(ARM.format(mass=1.2))
+    other = log.copy()
+    other.loc[other["time"].between(7.0, 8.0), ["torque_shoulder", "torque_elbow"]] = 50.0
+    one, two = (
+        metaid.estimate(each, nominal, friction=["viscous"], leave_out={"frame 1": [(6.9, 8.1)]})
+        for each in (log, other)
+    )
+    assert two.verdict.lumps["identified"].tolist() == pytest.approx(one.verdict.lumps["identified"].tolist(), rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("option", "said"),
+    [
+        ("arm=1,2", "leave-out: unknown log 'arm'"),
+        ("log.csv=20,21", r"leave-out: log.csv has no row from 20 to 21 s \(allowed: some of 0 to 16 s\)"),
+        ("log.csv=0,20", "leave-out: log.csv has all but a few rows from 0 to 20 s"),
+        ("log.csv=7", r"--leave-out 'log.csv=7' \(allowed: LOG=S,S, as log.csv=10.9,11.4\)"),
+    ],
+)
+def test_stretch_that_is_not_in_a_log_is_refused(metaid: Callable[..., Finished], option: str, said: str) -> None:
+    Path("arm.xml").write_text(ARM.format(mass=1.2))
+    log_of_motion().to_csv("log.csv", index=False)
+    result = metaid("estimate", "log.csv", "--nominal", "arm.xml", "--leave-out", option)
+    assert result.status == 2
+    assert re.search(said, result.err)

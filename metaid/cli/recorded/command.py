@@ -77,6 +77,9 @@ class LogsCommand(click.Command):
 @click.option("--scale", metavar="JOINT=FACTOR", multiple=True, help="Multiply logged torques of a joint, or of 'all'.")
 @click.option("--payload", "payloads", metavar="LOG=KG@X,Y,Z", multiple=True, help=PAYLOAD_HELP)
 @click.option("--zero", metavar="JOINT=RAD", multiple=True, help="Add to the logged angles of a joint.")
+@click.option(
+    "--leave-out", metavar="LOG=S,S", multiple=True, hidden=True, help="From a time in a log to another, in s."
+)
 @click.option("--gravity", metavar="X,Y,Z", help="In the frame of the base, in m/s².")
 @click.option("--zeros/--no-zeros", default=None, hidden=True, help="Encoders have a zero of their own in each log.")
 @click.option(
@@ -106,6 +109,7 @@ def estimate(
     scale: tuple[str, ...],
     payloads: tuple[str, ...],
     zero: tuple[str, ...],
+    leave_out: tuple[str, ...],
     gravity: str | None,
     zeros: bool | None,
     window: float | None,
@@ -152,6 +156,7 @@ def estimate(
         untrusted=() if untrusted is None else untrusted.split(","),
         reversed=() if turned is None else turned.split(","),
         order=names_of(order),
+        leave_out=_stretches(leave_out),
     )
     warn(result.nominal_repairs)
     has_numbers = result.verdict.is_found or even_if_not_found
@@ -224,6 +229,19 @@ def _meaning(text: str) -> tuple[str, str]:
             f"--map '{text}' (allowed: a column and what it is, as pwm=torque_1, or all of a word, as q=angle:deg)"
         )
     return own, ours
+
+
+def _stretches(texts: tuple[str, ...]) -> dict[str, list[tuple[float, float]]]:
+    """`LOG=S,S …` as stretches, by log."""
+    stretches: dict[str, list[tuple[float, float]]] = {}
+    for text in texts:
+        log, _, times = text.rpartition("=")
+        try:
+            begin, end = (float(each) for each in times.split(","))
+        except ValueError:
+            raise click.UsageError(f"--leave-out '{text}' (allowed: LOG=S,S, as log.csv=10.9,11.4)") from None
+        stretches.setdefault(log, []).append((begin, end))
+    return stretches
 
 
 def _vector(text: str) -> tuple[float, ...]:

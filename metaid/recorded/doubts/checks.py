@@ -64,7 +64,7 @@ def facts_of(records: Sequence[Record], found: RecordedEstimate, measured: Absol
     equations = _thinned(records, found.logs, found)
     named = driven if equations is None else (*_named(equations, found, measured), *driven)
     contact = None if named else brief_contact(found)
-    return named if contact is None else (Fact(contact, "", 0.0),)
+    return named if contact is None else (contact,)
 
 
 def _named(equations: Equations, found: RecordedEstimate, measured: Absolute | None) -> tuple[Fact, ...]:

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import math
+import shlex
+
 import numpy as np
 
+from metaid.recorded.doubts.conventions import Fact
 from metaid.recorded.estimating import RecordedEstimate
 
 MOMENT = 0.5  # s
 WITHIN = 0.7  # of the squares of what is left of a joint, that are within a MOMENT
 SELDOM = 1.0 / 30.0  # of the time that is judged, that a MOMENT is at most
+AROUND = 0.3  # s on either side, to be left out
 MISSED = 0.03  # of a joint's torque, that is left at least
 
 
-def brief_contact(found: RecordedEstimate) -> str | None:
-    """The joint of which far the most that is left is within a moment, and when, in a sentence without a full stop;
-    None where there is none. Gears, friction and noise miss a little all the time.
+def brief_contact(found: RecordedEstimate) -> Fact | None:
+    """The joint of which far the most that is left is within a moment, and when; None where there is none. Gears,
+    friction and noise miss a little all the time.
     """
     yardstick, model, held = found.chosen.yardstick, found.model, found.held_out
     moved = sum(float(own.judged.sum()) * own.period for own in found.logs)
@@ -37,7 +42,10 @@ def brief_contact(found: RecordedEstimate) -> str | None:
     share, joint, time, name = max((most / max(whole[joint], 1e-300), joint, *at) for joint, most, *at in moments)
     if share < WITHIN:
         return None
-    return (
-        f"{share:.0%} of what is left of joint {model.joints[joint]} is about {time:.4g} s after {name} begins: "
-        "an end stop, a blow or a contact; leave these rows out"
+    begin, end = math.floor(10.0 * max(time - AROUND, 0.0)) / 10.0, math.ceil(10.0 * (time + AROUND)) / 10.0
+    option = f"--leave-out {shlex.quote(f'{name}={begin:.6g},{end:.6g}')}"
+    text = (
+        f"{share:.0%} of what is left of joint {model.joints[joint]} is about {time:.4g} s after {name} begins, "
+        f"as of an end stop, a blow or a contact: {option}"
     )
+    return Fact(text, option, 0.0)

@@ -1,0 +1,55 @@
+"""Stretches of logs that a user leaves out, as where a joint met something."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from metaid.errors import RecordError, unknown
+from metaid.recorded.reading.log import Record
+from metaid.recorded.reading.plausible import LEAST_ROWS
+from metaid.recorded.reading.readings import Repair, counted
+
+Stretches = Mapping[str, Sequence[tuple[float, float]]]
+
+
+def without(records: Sequence[Record], stretches: Stretches) -> tuple[Record, ...]:
+    """Logs without what is left out of those of some names, each stretch from a time to another, in s; around the gap
+    that it leaves nothing is fitted or judged.  Raises RecordError where it has no row, or leaves too few.
+    """
+    return tuple(_cut(record, stretches.get(record.name, ())) for record in records)
+
+
+def refuse_unknown(stretches: Stretches, records: Sequence[Record]) -> None:
+    """Raises RecordError where a stretch is of none of the `records`."""
+    for name in stretches:
+        names = tuple(dict.fromkeys(record.name for record in records))
+        if name not in names:
+            raise RecordError(f"leave-out: {unknown('log', name, names)}")
+
+
+def _cut(record: Record, stretches: Sequence[tuple[float, float]]) -> Record:
+    for begin, end in stretches:
+        times = record.times
+        inside = (times >= begin) & (times <= end)
+        count = int(inside.sum())
+        if not count or len(times) - count < LEAST_ROWS:
+            what = "no row" if not count else "all but a few rows"
+            raise RecordError(
+                f"leave-out: {record.name} has {what} from {begin:g} to {end:g} s "
+                f"(allowed: some of {times[0]:.4g} to {times[-1]:.4g} s)"
+            )
+        kept = np.flatnonzero(~inside)
+        text = f"{counted(count, 'row')} from {begin:g} to {end:g} s left out, as asked"
+        record = replace(
+            record,
+            times=times[kept],
+            angles=record.angles[kept],
+            speeds=None if record.speeds is None else record.speeds[kept],
+            torques=record.torques[kept],
+            rests=None if record.rests is None else record.rests[kept],
+            repairs=(*record.repairs, Repair("without", count, text)),
+        )
+    return record
