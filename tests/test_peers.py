@@ -89,6 +89,17 @@ def test_a_toolbox_with_the_same_servos_is_exact(method: str) -> None:
             assert_found(found, tolerance)
 
 
+def test_exact_bench_is_followed_as_step_by_step(log: Log, monkeypatch: pytest.MonkeyPatch) -> None:
+    """To the last bit, by the compiled loop that one without noise, delay and limits has."""
+    benched, short = chain_on_bench(TRUE, NOMINAL, CONDITIONS["none"], 0), log.first(0.2)
+    compiled = follow_on_bench(benched, short.servo, log.weights, 0, loops=10)
+    monkeypatch.setattr("benchmarks.rivals.benched.INEXACT", ("rate",))
+    stepwise = follow_on_bench(benched, short.servo, log.weights, 0, loops=10)
+    assert len(compiled.angles) == 101
+    for kind in ("angles", "speeds", "torques"):
+        assert np.array_equal(getattr(compiled, kind), getattr(stepwise, kind))
+
+
 def test_metaid_is_exact_without_a_torque() -> None:
     """All lumps, in no more seconds than the others have, and it says that it has found them."""
     found = subject_of("none", 2, 0).pushed(5.0)

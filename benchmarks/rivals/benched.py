@@ -17,6 +17,7 @@ from benchmarks.chains import Links
 from benchmarks.rivals.conditions import CONDITIONS, TIMESTEP, Condition
 from benchmarks.rivals.judging import Found
 from benchmarks.rivals.servo import Followed, Servo, read_and_command, recorded
+from metaid.compiled import compiled
 from metaid.episode import rich_speeds
 from metaid.errors import StudyError
 from metaid.estimation import ArmEstimate, ReadTrial
@@ -28,6 +29,7 @@ from metaid.results import Snapshot, judge, read_snapshot
 from metaid.store import Store
 from metaid.study import Problem, StudySettings, StudySpec, create_study, load_study, run_study
 from soak.bench import Arm, Bench, Imperfections, arm_of_links, arm_of_mjcf
+from soak.bench.dynamics import advance
 from soak.bench.serving import bench
 
 # Hz, of the bench's Runge-Kutta steps: those of a chain are wrong by 1e-10 of a turn; bristles of friction need more.
@@ -37,6 +39,11 @@ SEARCHED = {"friction": "viscous", "tilt": "tilt", "delay": "delay", "offset": "
 # Of `output-error`: there are more pushes in a trial where there is more time, and fewer where there is little. One law
 # alone says little of what it compensates, so two trials of a push each say more than one of two.
 FEWEST_TRIALS, MOST_TRIALS = 2, 4
+# Of a bench that has none of these sensors read what is, and drives do at once what they are told.
+INEXACT = (
+    *("encoder_step", "angle_noise", "encoder_offset", "tick_jitter", "delay"),
+    *("torque_noise", "torque_limit", "gains", "start_angles", "start_speeds"),
+)
 
 
 @dataclass(frozen=True)
@@ -158,10 +165,17 @@ def follow_on_bench(benched: Benched, servo: Servo, weights: Array, seed: int, l
     body = Bench(benched.arm, TIMESTEP / loops, has, benched.is_planar)
     steps, n = len(often.angles), benched.njoint
     nothing = np.zeros(n)  # the bench itself reads too much, where an encoder does
+    is_exact = not any(np.any(getattr(has, each)) for each in INEXACT)
 
     def run(angles: Array, speeds: Array, torques: Array) -> int:
         body.push(*([0.0] * n for _ in body.needs))
         body.state[0], body.state[1] = servo.angles[0] - has.encoder_offset, servo.speeds[0]
+        if is_exact:
+            substeps = max(round(has.rate * body.timestep), 1)
+            drive = has.torque_lag, has.speed_filter, substeps, body.timestep / substeps
+            moved = body.arm, body.joints, drive, body.state, body.shown
+            work = np.zeros(1), np.zeros((1, n)), body.room
+            return int(_follow(moved, often.driven, (nothing, weights), work, angles, speeds, torques))
         for step in range(steps + 1):
             read = np.array(body.states()[0])
             if not read_and_command(step, read, body.state[1], often.driven, nothing, weights, angles, speeds, torques):
@@ -173,6 +187,21 @@ def follow_on_bench(benched: Benched, servo: Servo, weights: Array, seed: int, l
     seen = recorded(often, run)
     whole = len(seen.torques) // loops
     return Followed(seen.angles[::loops][: whole + 1], seen.speeds[::loops][: whole + 1], seen.torques[::loops][:whole])
+
+
+@compiled
+def _follow(moved, driven, sensors, work, angles, speeds, torques):  # type: ignore[no-untyped-def]
+    """What `follow_on_bench` does step by step, of a bench that is exact; returns the steps before it was lost."""
+    (arm, joints, drive, state, shown), (nothing, weights), (now, acting, room) = moved, sensors, work
+    steps, n = torques.shape
+    for step in range(steps + 1):
+        if not read_and_command(step, state[0], state[1], driven, nothing, weights, angles, speeds, torques):
+            return step
+        if step < steps:
+            for i in range(n):
+                acting[0, i] = torques[step, i]
+            advance(arm, joints, drive, state, shown, now, acting, room)
+    return steps
 
 
 def output_error_on_bench(benched: Benched, condition: Condition, seconds: float, seed: int) -> Found:
