@@ -42,7 +42,7 @@ class Matrices:
 
     def at(self, x: Array) -> Array:
         """The scaled matrices (count x size x size)."""
-        return np.asarray(np.tensordot(x, self.scaled, axes=1), dtype=np.float64)
+        return np.asarray((x @ self.scaled.reshape(len(x), -1)).reshape(self.nominal.shape), dtype=np.float64)
 
     def divergence(self, x: Array) -> float:
         """From the nominal ones, but for a constant; inf where one is not positive definite.  Eq. 77."""
@@ -59,15 +59,15 @@ class Matrices:
         least = float(np.linalg.eigvalsh(_between(lower, self.at(step))).min(initial=0.0))
         return -1.0 / least if least < 0.0 else float("inf")
 
-    def slopes(self, x: Array, directions: Array, share: float = 0.0) -> tuple[Array, Array]:
-        """Gradient (nfree) and curvature (nfree x nfree) of the divergence along `directions` (nparam x nfree), of what
-        the matrices have beyond a `share` of the nominal ones.
+    def slopes(self, x: Array, directions: Array | None = None, share: float = 0.0) -> tuple[Array, Array]:
+        """Gradient (nfree) and curvature (nfree x nfree) of the divergence along `directions` (nparam x nfree), by
+        default along each of x, of what the matrices have beyond a `share` of the nominal ones.
         """
-        along = np.tensordot(directions.T, self.scaled, axes=1)
+        along = self.scaled if directions is None else np.tensordot(directions.T, self.scaled, axes=1)
         lower = np.linalg.inv(np.linalg.cholesky(self.at(x) - share * np.eye(self.nominal.shape[-1])))
         inside = _between(lower, along)
         traces = np.trace(along, axis1=-2, axis2=-1) / (1.0 - share) - np.trace(inside, axis1=-2, axis2=-1)
-        rows = inside.reshape(directions.shape[1], -1)
+        rows = inside.reshape(len(inside), -1)
         return traces.sum(axis=-1), rows @ rows.T
 
 

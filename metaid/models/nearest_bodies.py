@@ -64,7 +64,7 @@ class Nearest:
             gradient = jacobian.T @ (self.precision @ (unknowns - self.values))
             curvature = jacobian.T @ self.precision @ jacobian
             for cone in self.cones:
-                slope, bend = cone.slopes(x, np.eye(len(x)))
+                slope, bend = cone.slopes(x)
                 gradient, curvature = gradient + weight * slope, curvature + weight * bend
             scale = 1.0 / np.sqrt(np.maximum(np.diag(curvature), 1e-300))
             scaled = curvature * np.outer(scale, scale)

@@ -119,11 +119,11 @@ class Possible:
         else:
             of_links = np.moveaxis(pseudo_inertia(each.swapaxes(1, 2)), 1, -1)
             nominal = self._scale * nominal_pseudo_inertias(self._tree)
-        cones = [Matrices(of_links, nominal), Matrices(each[:, -1, None, None, :], self._usual_rotor[:, None, None])]
         rows, sizes = self._friction_rows(values, deviations)
-        slopes = np.zeros((len(rows), 1, 1, self._nfree))
-        slopes[:, 0, 0, nlinks : nlinks + len(self._friction)] = rows
-        return [*cones, Matrices(slopes, sizes[:, None, None])] if len(rows) else cones
+        of_friction = np.zeros((len(rows), self._nfree))
+        of_friction[:, nlinks : nlinks + len(self._friction)] = rows
+        numbers = np.concatenate([each[:, -1], of_friction]), np.concatenate([self._usual_rotor, sizes])
+        return [Matrices(of_links, nominal), Matrices(numbers[0][:, None, None, :], numbers[1][:, None, None])]
 
     def _friction_rows(self, values: Array, deviations: Array) -> tuple[Array, Array]:
         """Combinations of the unknowns of friction (nrow x nfriction) that are not negative, and their usual sizes
