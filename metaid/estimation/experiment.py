@@ -111,10 +111,10 @@ class Experiment:
     def is_to_probe(
         self, trials: Sequence[Any], were_probes: Sequence[bool], estimate: Found, is_settled: bool
     ) -> bool:
-        """See `Matching.is_to_probe`. Without noise it is where intervals have stopped shrinking, for a law that coasts
-        shows no more. Where torques are noisy, every other law is: one that coasts shows gravity lumps alone, and one
-        that swings the others. With other noise it is where that, as far as `trials` of either kind have told, leaves
-        the smaller determinant of the covariance.
+        """Whether the next law is another than that of the estimate. Without noise it is where intervals have stopped
+        shrinking, for a law that coasts shows no more. Where torques are noisy, every other law is: one that coasts
+        shows gravity lumps alone, and one that swings the others. With other noise it is where that, as far as `trials`
+        of either kind have told, leaves the smaller determinant of the covariance.
 
         Args:
             trials: that the estimate is of.

@@ -10,9 +10,9 @@ from metaid.search.bounds import at_bounds, bounds_in_force, widened
 from metaid.search.cmaes import Cmaes
 from metaid.search.coordinates import Coordinates, nominal_metric, plain_coordinates
 from metaid.search.optuna_samplers import MetricSampler, tpe_for_metric
-from metaid.search.output_error import OutputErrorOptions
+from metaid.search.output_error import OutputError, OutputErrorOptions
 from metaid.search.registry import SAMPLERS, Sampler, SamplerOptions, make_searcher
-from metaid.search.searcher import NarrowingSearcher, Searcher, StepOptions, WideningSearcher
+from metaid.search.searcher import Searcher, StepOptions, WideningSearcher
 from metaid.search.sensitivity import designed_speeds, sensitivity
 
 __all__ = [
@@ -20,7 +20,7 @@ __all__ = [
     "Cmaes",
     "Coordinates",
     "MetricSampler",
-    "NarrowingSearcher",
+    "OutputError",
     "OutputErrorOptions",
     "Sampler",
     "SamplerOptions",

@@ -13,7 +13,7 @@ kept for the estimate any more.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any, Protocol
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from pydantic import Field
@@ -23,6 +23,9 @@ from metaid.errors import StudyError
 from metaid.files import Settings
 from metaid.models import Array
 from metaid.search.coordinates import Coordinates
+
+if TYPE_CHECKING:
+    from metaid.estimation import Experiment, Found
 
 FEW = 4  # trials; so many are matched after each
 MANY = 8  # trials; where these were not explained from anywhere, a fit of more begins nowhere else
@@ -34,42 +37,6 @@ class OutputErrorOptions(Settings):
     frequencies are)."""
 
     probes: Annotated[int, Field(ge=1, le=1000)] | None = None
-
-
-class Matched(Protocol):
-    """What all trials so far say: whether the model explains them, the deviation of each unknown (nunknown), and, of a
-    chain, half the widest of intervals that hold all lumps at once, as a share of its lump.
-    """
-
-    @property
-    def is_explained(self) -> bool: ...
-    @property
-    def deviations(self) -> Array: ...
-    @property
-    def half_width(self) -> float: ...
-
-
-class Matching(Protocol):
-    """An experiment whose trials are matched, of a chain or of an arm; see `metaid.estimation`."""
-
-    @property
-    def probes(self) -> int: ...
-    def probe(self, start: Array, random: np.random.Generator | None, /) -> Array: ...
-    def is_to_probe(self, trials: Any, were_probes: Sequence[bool], estimate: Any, is_settled: bool, /) -> bool:
-        """Whether the next law is another than that of the estimate.
-
-        Args:
-            trials: that the estimate is of.
-            were_probes: which of them had other laws.
-            estimate: that explains them.
-            is_settled: whether the last trial narrowed its intervals no more.
-        """
-
-    def trial(self, factors: Array, outcome: Outcome, /) -> Any: ...
-    def estimate(self, trials: Any, start: Any = None, /, thorough: bool = True) -> Any: ...
-    def factors(self, estimate: Any, /) -> Array: ...
-    def is_coasting(self, value: float, /) -> bool: ...
-    def is_settled(self, before: Any, after: Any, /) -> bool: ...
 
 
 class OutputError:
@@ -86,7 +53,7 @@ class OutputError:
     """
 
     def __init__(
-        self, coordinates: Coordinates, seed: int, options: OutputErrorOptions, experiment: Matching | None
+        self, coordinates: Coordinates, seed: int, options: OutputErrorOptions, experiment: Experiment | None
     ) -> None:
         if experiment is None:
             raise StudyError("sampler 'output-error' needs an estimate: see [estimate] and 'metaid study check'")
@@ -97,7 +64,7 @@ class OutputError:
         self._next, self._is_probe = self._probe(None), True
         self._trials: list[Any] = []
         self._were_probes: list[bool] = []
-        self._estimate: Matched | None = None
+        self._estimate: Found | None = None
         self._matched = 0  # trials that the last estimate is of
         self._coasts = self._settled = self._spent = False
         self._trial_count = 0

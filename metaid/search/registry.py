@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import optuna
@@ -13,13 +14,16 @@ from metaid.paper import Dinoip, DinoipOptions
 from metaid.search.cmaes import Cmaes
 from metaid.search.coordinates import Coordinates
 from metaid.search.optuna_samplers import MetricSearcher, OptunaSampler, tpe_for_metric
-from metaid.search.output_error import Matching, OutputError, OutputErrorOptions
+from metaid.search.output_error import OutputError, OutputErrorOptions
 from metaid.search.searcher import Searcher, StepOptions
+
+if TYPE_CHECKING:
+    from metaid.estimation import Experiment
 
 TPE_GENERATION = 4  # candidates that TPE proposes before it gets an outcome
 DISTANCE = "distance to the truth"  # of the best trial, by its value
 
-FindExperiment = Callable[[], Matching | None]  # called only where one is needed: estimating loads numba
+FindExperiment = Callable[[], "Experiment | None"]  # called only where one is needed: estimating loads numba
 
 
 class SamplerOptions(StepOptions, DinoipOptions, OutputErrorOptions):

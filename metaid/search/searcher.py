@@ -47,19 +47,6 @@ class Searcher(Protocol):
 
 
 @runtime_checkable
-class NarrowingSearcher(Searcher, Protocol):
-    """One whose intervals get narrower from trial to trial."""
-
-    until: float | None  # a share; once all lumps at once are known to it, it is finished
-
-    @property
-    def half_width(self) -> float:
-        """Half the widest of intervals that hold all lumps at once, as a share of its lump; inf where nothing is
-        explained yet.
-        """
-
-
-@runtime_checkable
 class WideningSearcher(Searcher, Protocol):
     """One that can go on within wider bounds, with all that it has learned."""
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from metaid.errors import StudyError
 from metaid.models import COARSEST
-from metaid.search import SAMPLERS, NarrowingSearcher
+from metaid.search import SAMPLERS, OutputError
 from metaid.study.problem import MOST_TRIALS, Problem
 from metaid.study.spec import StudySpec
 
@@ -41,7 +41,7 @@ def forecast(problem: Problem, until: float) -> Forecast:
     refuse_until(problem.spec, until)
     experiment, objective = problem.rehearsal(OWN_NOISE)
     searcher = problem.make_searcher(lambda: experiment)
-    assert isinstance(searcher, NarrowingSearcher), "it goes by the estimate"
+    assert isinstance(searcher, OutputError), "it goes by the estimate"
     searcher.until = MARGIN * until
     trials = steps = 0
     most = min(MOST_TRIALS, problem.trials_with_readings or problem.trials_with_windows)

@@ -14,7 +14,7 @@ from optuna.trial import TrialState
 from metaid.episode import Outcome
 from metaid.errors import StorageError
 from metaid.models import Array
-from metaid.search import NarrowingSearcher, WideningSearcher
+from metaid.search import OutputError, WideningSearcher
 from metaid.store import Trial
 from metaid.study.problem import Problem
 
@@ -48,7 +48,7 @@ class Run:
         self.number = self.falls = self.generation = 0
         self.best: Trial | None = None
         self._searcher = problem.make_searcher()
-        if isinstance(self._searcher, NarrowingSearcher):
+        if isinstance(self._searcher, OutputError):
             self._searcher.until = until
         self._patient_until = HELD_BACK * problem.spec.study.trials
         self._batch: Array | None = None
