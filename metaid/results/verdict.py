@@ -15,7 +15,7 @@ import pandas as pd
 
 from metaid.errors import StudyError, first_of
 from metaid.models import COARSEST, Array
-from metaid.results.by_measure import at_bounds
+from metaid.results.by_measure import bounds_reached
 from metaid.results.lump_tables import best_table, estimate_table, fault_table
 from metaid.results.snapshot import Snapshot
 from metaid.store import Trial
@@ -195,6 +195,6 @@ def _too_far(snapshot: Snapshot, best: Trial, lumps: pd.DataFrame) -> Iterator[s
             f"the best value, {value:.3g} {unit}, is {value / resolution:.3g} times the {resolution:.2g} {unit} that "
             f"{measure.name} can tell from none: try more trials, another seed or another sampler{robot.far_off}"
         )
-        yield from at_bounds(problem, best.factors, np.array([trial.factors for trial in snapshot.trials]))
+        yield from bounds_reached(problem, best.factors, np.array([trial.factors for trial in snapshot.trials]))
     if not is_far and not lumps["determined"].any():
         yield f"{measure.name} with these pushes determines no {robot.sought.noun} to better than {COARSEST:.0%}"

@@ -6,7 +6,6 @@
 import sys
 
 import metaid
-from metaid.study.bounds import LumpAtBound, lumps_at_bounds
 from metaid.study.create import (
     advice,
     create_study,
@@ -55,7 +54,6 @@ __all__ = [
     "Forecast",
     "Identifiability",
     "Known",
-    "LumpAtBound",
     "NominalMetricSampler",
     "NominalSettings",
     "OptunaObjective",
@@ -77,7 +75,6 @@ __all__ = [
     "identifiability",
     "identifiability_by_measure",
     "load_study",
-    "lumps_at_bounds",
     "optuna_spec",
     "problem_of",
     "question",

@@ -12,9 +12,10 @@ from conftest import best_error
 
 from metaid import results
 from metaid.results.best import best_trial
+from metaid.results.by_measure import bounds_reached
 from metaid.search import at_bounds, bounds_in_force, widened
 from metaid.store import Store
-from metaid.study import Problem, create_study, load_study, lumps_at_bounds, run_study
+from metaid.study import Problem, create_study, load_study, run_study
 
 pytestmark = pytest.mark.slow
 
@@ -55,25 +56,20 @@ def test_trial_beyond_a_bound_says_that_it_was_widened() -> None:
 def test_lump_at_its_bound_is_named_with_what_to_set(changes: dict[str, Any], setting: str) -> None:
     """One number for all lumps is set anew for all, and a table by lump for this one."""
     found = np.array([1.0, 1.97, 1.2])
-    (reached,) = lumps_at_bounds(problem_of(**changes), found, np.array([found]))
-    assert (reached.name, reached.side, reached.bound, reached.setting) == ("gravity_2", "high", 2.0, setting)
+    (reached,) = bounds_reached(problem_of(**changes), found, np.array([found]))
+    assert reached == (f"gravity_2 is at its bound: its factor is 1.97, and search.high is 2 (try --set {setting})")
     key, _, value = setting.partition("=")
     again = problem_of(**changes | {key: float(value)})
     assert again.high[1] == 8.0
-    assert "gravity_2" in str(reached)
-    assert setting in str(reached)
 
 
 def test_widened_bound_is_the_one_that_is_named() -> None:
     """A lump is at the bound that the last trial was proposed with."""
     problem, tried = problem_of(), np.array([[1.0, 1.0, 1.0], [0.3, 1.0, 1.0], [0.15, 1.0, 1.0]])
-    assert lumps_at_bounds(problem, np.array([0.4, 1.0, 1.0]), tried) == ()
-    (reached,) = lumps_at_bounds(problem, tried[-1], tried)
-    assert (reached.name, reached.side, reached.bound, reached.setting) == (
-        "gravity_1",
-        "low",
-        0.125,
-        "search.low=0.03125",
+    assert bounds_reached(problem, np.array([0.4, 1.0, 1.0]), tried) == []
+    (reached,) = bounds_reached(problem, tried[-1], tried)
+    assert reached == (
+        "gravity_1 is at its bound: its factor is 0.15, and search.low is 0.125 (try --set search.low=0.03125)"
     )
 
 
@@ -81,7 +77,7 @@ def test_lump_that_the_measure_cannot_see_is_not_held_back() -> None:
     """Counts do not find Coriolis lumps, so where these end means nothing."""
     problem = problem_of(**{"episode.measure": "count"})
     found = np.array([0.5, 1.0, 2.0])
-    assert [each.name for each in lumps_at_bounds(problem, found, np.array([found]))] == ["gravity_1"]
+    assert [each.split()[0] for each in bounds_reached(problem, found, np.array([found]))] == ["gravity_1"]
 
 
 TIGHT = {"search.low": 0.9, "search.high": 1.1}  # the six lumps of the three-link-coast study are beyond, by up to 60 %
@@ -100,7 +96,7 @@ def held_back(store: Store, name: str) -> list[str]:
     snapshot = results.read_snapshot(store, name)
     best = best_trial(snapshot.survivors)
     tried = np.array([trial.factors for trial in snapshot.trials])
-    return [reached.name for reached in lumps_at_bounds(snapshot.problem, best.factors, tried)]
+    return [reached.split()[0] for reached in bounds_reached(snapshot.problem, best.factors, tried)]
 
 
 def test_search_that_a_bound_holds_back_moves_it_away(tmp_path: Path) -> None:
