@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from contextlib import closing
 from dataclasses import asdict, dataclass
 from statistics import median
 from typing import Any
@@ -89,7 +90,7 @@ def search(part: str, seed: int, pair: tuple[Links, Links]) -> Searched:
     truth = chain_of(true).lumps_of(problem.chain.lumps.searched).vector / problem.chain.lumps.vector
     searcher, trials, best, factors = problem.make_searcher(), 0, np.inf, problem.robot.start
     reached: dict[float, int] = {}
-    with ThreadEvaluator(problem, 2) as evaluator:
+    with closing(ThreadEvaluator(problem, 2)) as evaluator:
         while trials < most and not searcher.finished() and 0.001 not in reached:
             batch = searcher.ask()
             outcomes = evaluator.evaluate(batch)

@@ -15,6 +15,7 @@ from __future__ import annotations
 import argparse
 import json
 import time
+from contextlib import closing
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from statistics import median
@@ -78,7 +79,7 @@ def recover(
     reached: dict[float, tuple[int, float]] = {}
     trials = steps = falls = 0
     best, error = np.inf, np.inf
-    with ThreadEvaluator(problem, workers) as evaluator:
+    with closing(ThreadEvaluator(problem, workers)) as evaluator:
         evaluator.evaluate(problem.robot.start[None])
         began, cpu = time.perf_counter(), time.process_time()
         while 0.001 not in reached and trials < most_trials and time.perf_counter() - began < MOST_SECONDS:

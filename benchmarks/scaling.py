@@ -17,6 +17,7 @@ import argparse
 import json
 import statistics
 import time
+from contextlib import closing
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -84,7 +85,7 @@ def measure(study: str, candidates: int) -> Costs:
 
 
 def _ray_costs(problem: Problem) -> tuple[float, float, float]:
-    with RayEvaluator(problem, 1, None) as evaluator:
+    with closing(RayEvaluator(problem, 1, None)) as evaluator:
         evaluator.evaluate(problem.robot.start[None])
         actor, ray = evaluator._actors[0].handle, evaluator._ray
         trips = []

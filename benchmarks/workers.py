@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from functools import partial
 
 import numpy as np
@@ -54,16 +54,16 @@ def _rows(problem: Problem, workers: int, repeats: int, settling: float) -> list
     rows: list[Row] = []
     with ExitStack() as stack:
         begun = time.perf_counter()
-        ray = stack.enter_context(make_evaluator(problem, "ray", workers))
+        ray = stack.enter_context(closing(make_evaluator(problem, "ray", workers)))
         ray.evaluate(_batches(problem, GENERATIONS[0])[0])
         started = time.perf_counter() - begun
         time.sleep(settling)
         evaluators: dict[str, Evaluator] = {
-            "one thread": stack.enter_context(make_evaluator(problem, "local", 1)),
+            "one thread": stack.enter_context(closing(make_evaluator(problem, "local", 1))),
             "ray": ray,
         }
         if workers > 1:
-            evaluators["local"] = stack.enter_context(make_evaluator(problem, "local", workers))
+            evaluators["local"] = stack.enter_context(closing(make_evaluator(problem, "local", workers)))
         for generation in GENERATIONS:
             batches = _batches(problem, generation)
             works: dict[str, Callable[[], object]] = {

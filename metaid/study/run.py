@@ -11,6 +11,7 @@ from __future__ import annotations
 import logging
 import platform
 from collections.abc import Callable
+from contextlib import closing
 from copy import copy
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -105,7 +106,7 @@ def run_study(
 
         if not run.done:
             with (
-                make_evaluator(run.problem, engine, workers, ray_address, patience) as evaluator,
+                closing(make_evaluator(run.problem, engine, workers, ray_address, patience)) as evaluator,
                 Writer(store, name, run.problem, lease, patience, wait) as writer,
             ):
                 _finish(run, evaluator, writer, watch)

@@ -6,6 +6,7 @@ import os
 import signal
 import time
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -79,7 +80,7 @@ def at_full_strength(evaluator: RayEvaluator, problem: Problem) -> RayEvaluator:
 
 def expected(problem: Problem) -> list[Outcome]:
     """What threads make of the batch."""
-    with ThreadEvaluator(problem, 1) as evaluator:
+    with closing(ThreadEvaluator(problem, 1)) as evaluator:
         return evaluator.evaluate(batch_of(problem))
 
 
@@ -98,7 +99,7 @@ def test_workers_that_hang_or_are_killed_at_work_are_replaced(node: Any, problem
     """A stopped process is given up after a while and ended, so that another has its place; then SIGKILL of both while
     they evaluate: every outcome is there, the same as any other's.
     """
-    with RayEvaluator(problem, 2, None) as evaluator:
+    with closing(RayEvaluator(problem, 2, None)) as evaluator:
         hanging, _ = processes(at_full_strength(evaluator, problem))
         patience, evaluator._patience = evaluator._patience, 3.0
         os.kill(hanging, signal.SIGSTOP)
@@ -122,7 +123,7 @@ def test_workers_that_hang_or_are_killed_at_work_are_replaced(node: Any, problem
 def test_worker_killed_while_it_starts_is_replaced(node: Any, problem: Problem) -> None:
     """Before it has said where it is, or been given anything."""
     before = workers_here()
-    with RayEvaluator(problem, 1, None, patience=30.0) as evaluator:
+    with closing(RayEvaluator(problem, 1, None, patience=30.0)) as evaluator:
         while not (killed := workers_here() - before):
             time.sleep(0.05)  # it starts for a second: a search for it is dear
         for process in killed:

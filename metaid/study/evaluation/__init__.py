@@ -2,8 +2,7 @@
 and a sampler for Optuna's own `optimize`.
 """
 
-from metaid.study.evaluation.engines import make_evaluator
-from metaid.study.evaluation.evaluator import Evaluator
+from metaid.study.evaluation.engines import Evaluator, make_evaluator
 from metaid.study.evaluation.nominal_metric_sampler import NominalMetricSampler
 from metaid.study.evaluation.optuna_objective import OptunaObjective
 from metaid.study.evaluation.ray_actors import RayEvaluator

@@ -1,12 +1,16 @@
-"""Evaluators by the name of their engine."""
+"""Evaluators by the name of their engine: what evaluates the candidates of a generation, wherever that is done.
+
+An outcome depends on its candidate and the number of its trial alone, so it does not matter which worker evaluates it.
+"""
 
 from __future__ import annotations
 
 from metaid.errors import StudyError, unknown
-from metaid.study.evaluation.evaluator import Evaluator
 from metaid.study.evaluation.ray_actors import WORKER_PATIENCE, RayEvaluator
 from metaid.study.evaluation.threads import ThreadEvaluator
 from metaid.study.problem import Problem
+
+Evaluator = ThreadEvaluator | RayEvaluator  # its workers end when it is closed
 
 ENGINES = ("local", "ray")
 

@@ -16,15 +16,13 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from metaid.episode import Outcome
 from metaid.errors import MetaidError, StudyError, WorkerError
 from metaid.models import Array
-from metaid.study.evaluation.evaluator import MOST_SHARED, do_nothing
 from metaid.study.evaluation.ray_private import ray_on_loopback
-from metaid.study.evaluation.shares import Share, Shares
+from metaid.study.evaluation.shares import MOST_SHARED, Share, Shares
 from metaid.study.loading import problem_of
 from metaid.study.problem import Problem
 from metaid.study.spec import StudySpec
@@ -98,9 +96,10 @@ class RayEvaluator:
         self._actors: list[_Actor] = []
         self._start_missing_actors()
 
-    def evaluate(self, batch: Array, first: int = 0, while_waiting: Callable[[], None] = do_nothing) -> list[Outcome]:
+    def evaluate(self, batch: Array, first: int = 0, while_waiting: Callable[[], None] = lambda: None) -> list[Outcome]:
         """Outcomes of a `batch` of factors (ncandidate x nsearched), in its order; `first` is the number of the first
-        one's trial.  Raises WorkerError where there was no worker for too long.
+        one's trial. `while_waiting` is called while the workers are at work.  Raises WorkerError where there was no
+        worker for too long.
         """
         shares = Shares(self._problem, len(batch), max(self._worker_count, -(-len(batch) // MOST_SHARED)))
         self._assign(shares, batch, first)
@@ -208,12 +207,8 @@ class RayEvaluator:
         elif before <= WARN_AFTER < self._without_worker:
             log.warning("no Ray worker yet: waiting for one, %.0f s at most", self._patience)
 
-    def __enter__(self) -> RayEvaluator:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def close(self) -> None:
+        """Ends the workers."""
         for actor in self._actors:
             self._ray.kill(actor.handle)
         if self._started_ray:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from metaid.episode import Outcome
 from metaid.study.problem import Problem
 
+MOST_SHARED = 512  # candidates that workers share at most before their outcomes are taken in: it bounds the memory
 LOSSES_ALLOWED = 3  # workers that a candidate may be alone with when they are lost, before it is given up
 
 

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from types import TracebackType
 
 from metaid.episode import Outcome
 from metaid.models import Array
-from metaid.study.evaluation.evaluator import MOST_SHARED, do_nothing
+from metaid.study.evaluation.shares import MOST_SHARED
 from metaid.study.problem import Problem
 
 
@@ -19,9 +18,9 @@ class ThreadEvaluator:
         self._objectives = [problem.make_objective() for _ in range(workers)]
         self._pool = ThreadPoolExecutor(workers, thread_name_prefix="metaid")
 
-    def evaluate(self, batch: Array, first: int = 0, while_waiting: Callable[[], None] = do_nothing) -> list[Outcome]:
+    def evaluate(self, batch: Array, first: int = 0, while_waiting: Callable[[], None] = lambda: None) -> list[Outcome]:
         """Outcomes of a `batch` of factors (ncandidate x nsearched), in its order; `first` is the number of the first
-        one's trial.
+        one's trial. `while_waiting` is called while the workers are at work.
         """
         outcomes: list[Outcome] = []
         for begin in range(0, len(batch), MOST_SHARED):
@@ -34,12 +33,8 @@ class ThreadEvaluator:
             outcomes += self._objectives[0].outcomes(shared)
         return outcomes
 
-    def __enter__(self) -> ThreadEvaluator:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def close(self) -> None:
+        """Ends the workers."""
         for objective in self._objectives:
             objective.close()
         self._pool.shutdown(cancel_futures=True)
