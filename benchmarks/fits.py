@@ -21,7 +21,7 @@ from metaid.episode import Outcome
 from metaid.models import Array
 from metaid.plant import FaultSettings
 from metaid.store import Store, Trial
-from metaid.store.windows import encoded
+from metaid.store.motion import windows_text
 from metaid.study import EpisodeSettings, Problem, SearchSettings, StudySpec
 
 LINKS = (2, 3, 5, 10)
@@ -108,7 +108,7 @@ def _window_row(nlink: int, quick: bool) -> Row:
         "engine with ÷ without": taken["with"] / taken["without"],
         "loop, ms a trial": 1e3 * (taken["with"] - taken["without"]) / SHOTS,
         "DB, ms a trial": 1e3 * (written[0] - written[1]),
-        "DB, kB a trial": 1e-3 * len(encoded(outcome.windows)),
+        "DB, kB a trial": 1e-3 * len(windows_text(outcome.windows)),
     }
 
 

@@ -21,7 +21,7 @@ from metaid.store.optuna_tables import (
     TrialValueModel,
 )
 from metaid.store.ownership import DIGEST, EXPERIMENT, MARK, own_rows
-from metaid.store.rows import MOTION_KEYS, Own, read_outcomes, read_readings, read_table, read_windows
+from metaid.store.rows import MOTION_KEYS, Own, read_motions, read_outcomes, read_table
 from metaid.store.trial import ForeignTrial, Trial
 
 JOINTS_KEY = "metaid:joints"  # of a study: how many joints its plant has
@@ -84,7 +84,7 @@ def _own_trials(connection: sa.Connection, trials: Own, heads: Sequence[Any], na
     key, value = TrialParamModel.param_name, TrialParamModel.param_value
     factors = read_table(connection, trials, key, value, names, float)
     outcomes = read_outcomes(connection, trials, states, _joint_count(connection, trials.study_id))
-    windows, readings = read_windows(connection, trials), read_readings(connection, trials)
+    motions = read_motions(connection, trials)
     whole = (
         len(factors) == len(outcomes) == len(heads)
         and all(state.is_finished() for state in states)
@@ -98,7 +98,7 @@ def _own_trials(connection: sa.Connection, trials: Own, heads: Sequence[Any], na
             number=i,
             generation=generation,
             factors=row,
-            outcome=replace(outcome, windows=windows.get(i), readings=readings.get(i)),
+            outcome=replace(outcome, **motions.get(i, {})),
             started=head[3],
             completed=head[4],
         )

@@ -15,8 +15,8 @@ import sqlalchemy as sa
 from numpy.typing import NDArray
 from optuna.trial import FrozenTrial, TrialState
 
-from metaid.episode import FALL_VALUE, Outcome, SensorReadings, Windows
-from metaid.store import sensor_readings, windows
+from metaid.episode import FALL_VALUE, Outcome
+from metaid.store.motion import MOTIONS
 from metaid.store.optuna_tables import (
     FINITE_INTERMEDIATE_VALUE,
     FINITE_VALUE,
@@ -31,7 +31,7 @@ from metaid.store.ownership import MARK, End, mark_of
 from metaid.store.trial import Trial
 
 REASON = "reason"  # the attribute that says why a trial failed
-MOTION_KEYS = windows.KEY, sensor_readings.KEY  # those that an estimate is made of
+MOTION_KEYS = tuple(MOTIONS)  # those that an estimate is made of
 
 # Made once: making a statement takes longer than running it.
 IDS_AFTER = (
@@ -124,17 +124,15 @@ def read_outcomes(
     ]
 
 
-def read_windows(connection: sa.Connection, trials: Own) -> dict[int, Windows]:
-    """The windows of the `trials` that have them, by position.  Raises ValueError, TypeError or LookupError for what is
-    none.
+def read_motions(connection: sa.Connection, trials: Own) -> dict[int, dict[str, Any]]:
+    """The motion of the `trials` that have any, by position: the fields of an outcome that hold it.  Raises ValueError,
+    TypeError or LookupError for what is none.
     """
-    return {position: windows.decoded(text) for position, text in _read_attributes(connection, trials, windows.KEY)}
-
-
-def read_readings(connection: sa.Connection, trials: Own) -> dict[int, SensorReadings]:
-    """The sensor readings of the `trials` that have them, by position.  Raises as `read_windows` does."""
-    texts = _read_attributes(connection, trials, sensor_readings.KEY)
-    return {position: sensor_readings.decoded(text) for position, text in texts}
+    found: dict[int, dict[str, Any]] = {}
+    for key, (_, read) in MOTIONS.items():
+        for position, text in _read_attributes(connection, trials, key):
+            found.setdefault(position, {})[key] = read(text)
+    return found
 
 
 def _read_attributes(connection: sa.Connection, trials: Own, key: str) -> list[tuple[int, str]]:
@@ -220,10 +218,8 @@ def outcome_attributes(outcome: Outcome) -> dict[str, str]:
     periods = {f"periods_{joint + 1}": count for joint, count in enumerate(outcome.periods)}
     ranked = {FALL_VALUE: outcome.value} if outcome.fell else {}
     texts = {key: json.dumps(value) for key, value in {"steps": outcome.steps, **periods, **ranked}.items()}
-    if outcome.windows is not None:
-        texts[windows.KEY] = windows.encoded(outcome.windows)
-    if outcome.readings is not None:
-        texts[sensor_readings.KEY] = sensor_readings.encoded(outcome.readings)
+    moved = {key: getattr(outcome, key) for key in MOTIONS}
+    texts |= {key: MOTIONS[key][0](motion) for key, motion in moved.items() if motion is not None}
     return texts
 
 
@@ -235,13 +231,13 @@ def shown_trial(frozen: FrozenTrial, names: Sequence[str]) -> Trial | None:
         return None
     texts = {key: json.dumps(value) for key, value in frozen.user_attrs.items() if key in MOTION_KEYS}
     try:
+        motion = {key: MOTIONS[key][1](text) for key, text in texts.items()}
         outcome = Outcome(
             float(frozen.user_attrs.get(FALL_VALUE, 0.0) if frozen.value is None else frozen.value),
             frozen.state != TrialState.COMPLETE,
             int(frozen.user_attrs["steps"]),
             (),
-            windows=windows.decoded(texts[windows.KEY]) if windows.KEY in texts else None,
-            readings=sensor_readings.decoded(texts[sensor_readings.KEY]) if sensor_readings.KEY in texts else None,
+            **motion,
         )
         factors = np.array([float(frozen.params[name]) for name in names])
     except (ValueError, TypeError, LookupError, ArithmeticError):

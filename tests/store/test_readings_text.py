@@ -10,7 +10,7 @@ import pytest
 
 from metaid.episode import SensorReadings, readings_before_fall
 from metaid.store import Store
-from metaid.store.sensor_readings import decoded, encoded
+from metaid.store.motion import readings_of, readings_text
 from metaid.study import Problem, create_study, load_study, run_study
 
 pytestmark = pytest.mark.slow
@@ -33,7 +33,7 @@ def test_text_holds_every_bit_of_what_was_read(
 ) -> None:
     """Whole episodes and falls, without the reading of the fall itself, with and without a speed sensor."""
     readings = some_readings(ran, fell, has_speed_sensor)
-    read = decoded(encoded(readings))
+    read = readings_of(readings_text(readings))
     assert read.counts.tolist() == readings.counts.tolist() == counts
     assert (read.angles == readings.angles).all()
     assert (read.speeds is None) == (not has_speed_sensor)
@@ -56,7 +56,7 @@ def test_text_holds_every_bit_of_what_was_read(
 def test_text_of_a_stranger_that_is_none_is_refused(text: str) -> None:
     """With an error that reading a DB answers in a line."""
     with pytest.raises((ValueError, TypeError, LookupError)):
-        decoded(text)
+        readings_of(text)
 
 
 def test_trials_of_a_noisy_study_have_the_readings_that_the_law_acted_on(tmp_path: Path) -> None:

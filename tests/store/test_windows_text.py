@@ -13,7 +13,7 @@ from conftest import Finished
 
 from metaid.episode import Windows, windows_before_fall
 from metaid.store import Store
-from metaid.store.windows import decoded, encoded
+from metaid.store.motion import windows_of, windows_text
 from metaid.study import Problem, create_study, load_study, run_study
 
 Metaid = Callable[..., Finished]
@@ -32,7 +32,7 @@ def some_windows(ran: list[int], fell: bool, most: int) -> Windows:
 def test_text_holds_every_bit_of_what_was_seen(ran: list[int], fell: bool, most: int) -> None:
     """Whole episodes and falls, counts that fit in a byte and such that do not."""
     windows = some_windows(ran, fell, most)
-    read = decoded(encoded(windows))
+    read = windows_of(windows_text(windows))
     for name in ("ends", "seen", "motion", "half_periods"):
         assert (getattr(read, name) == getattr(windows, name)).all()
 
@@ -43,7 +43,7 @@ def test_text_holds_every_bit_of_what_was_seen(ran: list[int], fell: bool, most:
 def test_text_of_a_stranger_that_is_none_is_refused(text: str) -> None:
     """With an error that reading a DB answers in a line."""
     with pytest.raises((ValueError, TypeError, LookupError)):
-        decoded(text)
+        windows_of(text)
 
 
 def test_trials_of_three_links_have_windows_of_four_kilobytes_that_plain_optuna_reads(tmp_path: Path) -> None:
