@@ -8,7 +8,7 @@ both are the same to the last bit. It is a system attribute of the study, which 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cache
 from hashlib import blake2b
 from pathlib import Path
@@ -59,7 +59,7 @@ def estimate_from(kept: Any, problem: Problem, trials: Sequence[Trial], foreign:
         trials: metaid's own.
         foreign: those of others, with the motion that they carry.
     """
-    given = _given(problem, lambda: watched_trials(problem, trials, foreign)[:2])
+    given = {"seen": lambda: watched_trials(problem, trials, foreign)[:2], **problem.robot.given}
     try:
         if kept["of"] == _is_of(problem, trials, foreign):
             found = value_of(kept["estimate"], given)
@@ -70,20 +70,9 @@ def estimate_from(kept: Any, problem: Problem, trials: Sequence[Trial], foreign:
     return value_of(_made(problem, trials, foreign), given)
 
 
-def _given(problem: Problem, seen: Callable[[], Any]) -> dict[str, Any]:
-    """What an estimate has that follows from the study and its trials, which `seen` makes, and is not kept."""
-    return {"seen": seen, **problem.robot.given}
-
-
 def _made(problem: Problem, trials: Sequence[Trial], foreign: Sequence[ForeignTrial]) -> str:
     """The text of the estimate that is made of all trials."""
-    found = study_estimate(problem, trials, foreign)
-    given = (
-        {}
-        if found is None
-        else {"seen": found.seen, **{key: getattr(found.estimate, key) for key in problem.robot.given}}
-    )
-    return text_of(found, given)
+    return text_of(study_estimate(problem, trials, foreign))
 
 
 def _is_of(problem: Problem, trials: Sequence[Trial], foreign: Sequence[ForeignTrial]) -> dict[str, Any]:

@@ -17,6 +17,7 @@ import numpy as np
 
 from metaid.estimation import (
     ArmEstimate,
+    BaseUnknowns,
     Estimate,
     FoundFaults,
     HeldOut,
@@ -44,9 +45,9 @@ KEPT = {one.__name__: one for one in _CLASSES}
 LARGEST = 500_000_000  # bytes of JSON: a text that claims more was not written by metaid
 
 
-def text_of(value: Any, given: Mapping[str, Any]) -> str:
-    """The text of a `value`. Of what is `given` it has the names alone."""
-    text = json.dumps(_plain(value, given), separators=(",", ":"))
+def text_of(value: Any) -> str:
+    """The text of a `value`. Of what follows from the study and its trials it has the names alone."""
+    text = json.dumps(_plain(value), separators=(",", ":"))
     return base64.b64encode(zlib.compress(text.encode())).decode("ascii")
 
 
@@ -61,18 +62,19 @@ def value_of(text: str, given: Mapping[str, Any]) -> Any:
     return _value(json.loads(plain), given)
 
 
-def _plain(value: Any, given: Mapping[str, Any]) -> Any:
-    for name, one in given.items():
-        if value is one:
-            return {"given": name}
+def _plain(value: Any) -> Any:
+    if callable(value):
+        return {"given": "seen"}  # of a `StudyEstimate`
+    if isinstance(value, BaseUnknowns):
+        return {"given": "searched"}  # of an `ArmEstimate`
     if isinstance(value, np.ndarray):
         numbers = base64.b64encode(np.ascontiguousarray(value).tobytes()).decode("ascii")
         return {"kind": value.dtype.str, "shape": value.shape, "array": numbers}
     if is_dataclass(value):
-        own = {each.name: _plain(getattr(value, each.name), given) for each in fields(value)}
+        own = {each.name: _plain(getattr(value, each.name)) for each in fields(value)}
         return {"class": type(value).__name__, "fields": own}
     if isinstance(value, tuple | list):
-        return [_plain(each, given) for each in value]
+        return [_plain(each) for each in value]
     return value.item() if isinstance(value, np.generic) else value
 
 
