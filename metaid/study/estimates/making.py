@@ -10,7 +10,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from metaid.episode import QUANTITIES, Outcome
-from metaid.store import ForeignTrial, Trial
+from metaid.store import ForeignTrial, Trial, outcome_attributes
 from metaid.study.estimates.study_estimate import StudyEstimate
 from metaid.study.problem import MOST_TRIALS, Problem
 
@@ -152,13 +152,5 @@ def has_motion_of(episode: Any, outcome: Outcome) -> bool:
 
 def _is_copy(one: Trial, other: Trial) -> bool:
     """Whether two trials are one trial and its copy, as Optuna's `add_trials` makes them."""
-    shown, read = one.outcome.windows, one.outcome.readings
-    if not np.array_equal(one.factors, other.factors):
-        return False
-    if shown is not None:
-        return other.outcome.windows is not None and np.array_equal(shown.motion, other.outcome.windows.motion)
-    return (
-        read is not None
-        and other.outcome.readings is not None
-        and np.array_equal(read.angles, other.outcome.readings.angles)
-    )
+    same_law = np.array_equal(one.factors, other.factors)
+    return same_law and outcome_attributes(one.outcome) == outcome_attributes(other.outcome)
