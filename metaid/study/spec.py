@@ -14,7 +14,7 @@ from pydantic import Field
 
 from metaid.errors import StudyError
 from metaid.files import Settings
-from metaid.models import Array, lump_names
+from metaid.models import lump_names
 from metaid.models.tree import Tree, base_parameters, joint_mass_matrix
 from metaid.plant import ArmStart, FaultSettings, LinkSettings, PlantSettings, SocketSettings
 from metaid.study.settings import NominalSettings, StudySettings
@@ -23,6 +23,7 @@ Vector = Annotated[tuple[float, ...], Field(strict=False)]
 Vectors = Annotated[tuple[Vector, ...], Field(strict=False)]
 
 STIFFEST = 30.0  # 1/s², of the springs; a push of 0.3 s is then a quarter of a period
+OPEN = {"low": -np.inf, "high": np.inf, "torque_limit": np.inf}  # of an arm: what null stands for
 SPARED = 0.3  # of a joint's torque limit, for the torque of a spring
 
 
@@ -43,49 +44,30 @@ class TreeSettings(Settings):
     @classmethod
     def of(cls, tree: Tree) -> TreeSettings:
         """A `tree`, written out."""
-
-        def ends(values: Array) -> tuple[float | None, ...]:
-            return tuple(value if np.isfinite(value) else None for value in values.tolist())
-
-        return cls(
-            names=tree.names,
-            position=tree.position.tolist(),
-            rotation=tree.rotation.tolist(),
-            axis=tree.axis.tolist(),
-            slides=tree.slides.tolist(),
-            low=ends(tree.low),
-            high=ends(tree.high),
-            torque_limit=ends(tree.torque_limit),
-            gravity=tree.gravity.tolist(),
-            parameters=tree.parameters.tolist(),
-        )
+        written = {name: np.asarray(getattr(tree, name)).tolist() for name in cls.model_fields}
+        for name in OPEN:
+            written[name] = [value if np.isfinite(value) else None for value in written[name]]
+        return cls(**written)
 
     @property
     def tree(self) -> Tree:
         """The arm that is written out."""
-
-        def ends(values: tuple[float | None, ...], nothing: float) -> Array:
-            return np.array([nothing if end is None else end for end in values])
-
-        nothing = np.zeros(len(self.names))
+        written = {name: getattr(self, name) for name in TreeSettings.model_fields}
+        for name, nothing in OPEN.items():
+            written[name] = [nothing if value is None else value for value in written[name]]
+        names, parameters = written.pop("names"), written.pop("parameters")
+        none = np.zeros(len(names))
         bodiless = Tree(
-            names=self.names,
-            position=np.array(self.position),
-            rotation=np.array(self.rotation),
-            axis=np.array(self.axis),
-            slides=np.array(self.slides, dtype=np.bool_),
-            low=ends(self.low, -np.inf),
-            high=ends(self.high, np.inf),
-            torque_limit=ends(self.torque_limit, np.inf),
-            gravity=np.array(self.gravity),
-            mass=nothing + 1.0,
-            com=np.zeros((len(nothing), 3)),
-            inertia=np.zeros((len(nothing), 3, 3)),
-            rotor=nothing,
-            damping=nothing,
-            coulomb=nothing,
+            names=names,
+            **{name: np.array(value) for name, value in written.items()},
+            mass=none + 1.0,
+            com=np.zeros((len(names), 3)),
+            inertia=np.zeros((len(names), 3, 3)),
+            rotor=none,
+            damping=none,
+            coulomb=none,
         )
-        return bodiless.with_parameters(np.array(self.parameters))
+        return bodiless.with_parameters(np.array(parameters))
 
 
 class ArmPlantSettings(Settings):
