@@ -6,7 +6,6 @@
 from metaid.store.database import COMPANION, DEFAULT_STORAGE, SPEC_KEY, Store, study_attributes
 from metaid.store.lease import Lease, refuse_if_run
 from metaid.store.ownership import EXPERIMENT
-from metaid.store.patience import SERVER_PATIENCE, keep_trying
 from metaid.store.rows import MOTION_KEYS, outcome_attributes, shown_trial
 from metaid.store.trial import ForeignTrial, Trial
 
@@ -15,13 +14,11 @@ __all__ = [
     "DEFAULT_STORAGE",
     "EXPERIMENT",
     "MOTION_KEYS",
-    "SERVER_PATIENCE",
     "SPEC_KEY",
     "ForeignTrial",
     "Lease",
     "Store",
     "Trial",
-    "keep_trying",
     "outcome_attributes",
     "refuse_if_run",
     "shown_trial",

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from types import TracebackType
 
-from metaid.errors import StorageError
-from metaid.store import SERVER_PATIENCE, Lease, Store, Trial, keep_trying
+from metaid.errors import StorageError, UnreachableError
+from metaid.store import Lease, Store, Trial
 from metaid.study.problem import Problem
+
+SERVER_PATIENCE = 300.0  # s without an answer of the DB's server after which it is given up, as when it is restarted
+PAUSE = 1.0  # s between attempts
 
 
 class Writer:
@@ -48,22 +52,29 @@ class Writer:
 
         Raises StorageError, also where another driver has taken the study.
         """
-        if self.trials:
-            before = self.trials[0].number
-            go_on = f"{before} trials are in it; go on with: metaid study run {self._name}"
-            keep_trying(self._append, self._patience, self._report_waiting, go_on)
-            self._is_unreachable = False
-            self.trials = []
+        begun: float | None = None  # when the server did not answer for the first time
+        while self.trials:
+            try:
+                self._append()
+            except UnreachableError as problem:
+                self._is_unreachable, now = True, time.monotonic()
+                begun = now if begun is None else begun
+                before = self.trials[0].number
+                if now - begun >= self._patience:
+                    raise StorageError(
+                        f"{problem}; no answer for {self._patience:g} s; {before} trials are in it; go on with: "
+                        f"metaid study run {self._name}"
+                    ) from None
+                self._on_wait(before, f"waiting for the study DB: {problem}")
+                time.sleep(min(PAUSE, self._patience - (now - begun)))
+            else:
+                self._is_unreachable, self.trials = False, []
 
     def _append(self) -> None:
         # A server that goes away in the middle of a commit may have written them all the same.
         if not self._is_unreachable or self._store.count(self._name) != self.trials[-1].number + 1:
             of = self._problem
             self._store.append(self._name, of.names, of.low, of.high, self.trials, write_check=self._lease.renew)
-
-    def _report_waiting(self, reason: str) -> None:
-        self._is_unreachable = True
-        self._on_wait(self.trials[0].number, reason)
 
     def __enter__(self) -> Writer:
         return self
