@@ -15,7 +15,6 @@ from metaid.store.sqlite import (
     OpenFile,
     file_of,
     has_tables,
-    is_current,
     make_file,
     sqlite_options,
 )
@@ -57,9 +56,10 @@ def _tables(url: sa.URL, create: bool) -> Iterator[tuple[bool, bool]]:
     """
     if url.get_backend_name() == "sqlite":
         path = file_of(url)
-        made = has_tables(path, create)
+        made, is_known = has_tables(path, create)
         is_there = path.exists()
-        is_known = is_current(path) if is_there else make_file(path, _new_tables())
+        if not is_there:
+            is_known = make_file(path, _new_tables())
         yield made or not is_there, is_known
     elif url.get_backend_name() == "postgresql":
         with checked_tables(url, create) as made:

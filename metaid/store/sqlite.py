@@ -64,9 +64,10 @@ def describe(problem: BaseException) -> str:
     return said if advice is None else f"{said}; {advice}"
 
 
-def has_tables(path: Path, create: bool) -> bool:
-    """Whether the file holds a study DB; false if it is yet to be made, which `create` allows.  Raises StorageError,
-    and has written nothing, where the file is missing or is something else.
+def has_tables(path: Path, create: bool) -> tuple[bool, bool]:
+    """Whether the file holds a study DB, false if it is yet to be made, which `create` allows; and whether its tables
+    are of the revision that Optuna has: where not, it is for Optuna to say why.  Raises StorageError, and has written
+    nothing, where the file is missing or is something else.
     """
     try:
         there = path.exists()
@@ -79,25 +80,29 @@ def has_tables(path: Path, create: bool) -> bool:
             )
         if not path.parent.is_dir():
             raise StorageError(f"{path}: no such folder {path.parent}")
-        return False
+        return False, False
     if not path.is_file():
         raise StorageError(f"{path}: not a file, so not a study DB")
+    is_current = False
     try:
         with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as connection:
             tables = {row[0] for row in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
             if tables >= TABLES:
-                _check_version(connection, path)
+                is_current = _is_current(connection, path)
     except (sqlite3.Error, ValueError) as problem:  # a path or an SQL text that is no text, too
         raise StorageError(f"{path}: not a study DB that can be read: {describe(problem)}") from None
     if tables and not tables >= TABLES:
         raise StorageError(f"{path}: an SQLite file, but not a study DB")
     if not tables and not create:
         raise StorageError(f"{path}: an empty file, not a study DB")
-    return bool(tables)
+    return bool(tables), is_current
 
 
-def _check_version(connection: sqlite3.Connection, path: Path) -> None:
-    """Optuna's own check comes after it has added what it misses; this one changes nothing."""
+def _is_current(connection: sqlite3.Connection, path: Path) -> bool:
+    """Whether the tables are of the revision that Optuna has.  Raises StorageError where their schema is another.
+
+    Optuna's own check comes after it has added what it misses; this one changes nothing.
+    """
     versions = connection.execute("SELECT schema_version, library_version FROM version_info").fetchall()
     revisions = connection.execute("SELECT version_num FROM alembic_version").fetchall()
     if len(versions) != 1 or len(revisions) != 1:
@@ -110,16 +115,7 @@ def _check_version(connection: sqlite3.Connection, path: Path) -> None:
             f"{path}: made by Optuna {library} with tables of schema {schema} (allowed: {SCHEMA_VERSION}, that of "
             f"Optuna {optuna.__version__} here; keep a copy of the file and try: {how})"
         )
-
-
-def is_current(path: Path) -> bool:
-    """Whether the tables in a file are of the revision that Optuna has; where not, it is for Optuna to say why."""
-    with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as connection:
-        try:
-            found: list[tuple[Any]] = connection.execute("SELECT version_num FROM alembic_version").fetchall()
-        except sqlite3.Error:
-            return False
-    return found == [(REVISION,)]
+    return bool(revisions == [(REVISION,)])
 
 
 def make_file(path: Path, content: bytes) -> bool:
