@@ -15,8 +15,7 @@ from metaid.models import Array
 from metaid.models.tree import ArmPrior, ModelError, Tree, model_error, seen_by_bias
 from metaid.plant import ArmPlant, ArmSettings, FaultSettings, SocketPlant
 from metaid.search import Coordinates, arm_sensitivity, prior_metric
-from metaid.study.calibration import calibrate_arm
-from metaid.study.loops import QUIETEST_RIG
+from metaid.study.calibration import QUIETEST_RIG, calibrate_arm
 from metaid.study.parameters import Parameters, base_parameters_of, settled
 from metaid.study.spec import PushedSettings, StudySpec
 

@@ -15,9 +15,9 @@ from metaid.errors import PlantError
 from metaid.models import Array, Chain, ChainModel
 from metaid.models.tree import Tree, joint_torque
 from metaid.plant import ArmStart, SocketPlant, Start
-from metaid.study.loops import QUIETEST_RIG
 from metaid.study.spec import PushedSettings
 
+QUIETEST_RIG = 1e-4  # rad: the least noise that readings of a rig are taken to have, that of an encoder of 14 bits
 REPEATS = 4  # of each push in a calibration; a power of two, so that the mean of equal speeds is one of them
 RESTING = 2.0  # natural times for which a chain stands at rest
 FEWEST_READINGS, MOST_READINGS = 20, 200  # at rest

@@ -20,15 +20,14 @@ from metaid.models import Array
 from metaid.plant import SocketPlant, SocketSettings
 from metaid.search import SAMPLERS, Coordinates, Searcher, at_bounds, make_searcher, plain_coordinates, widened
 from metaid.study.arm import StudiedArm
-from metaid.study.calibration import start_spread
 from metaid.study.chain import StudiedChain
 from metaid.study.contradictions import check_settings
-from metaid.study.loops import loop_of_plant, loop_of_rig
+from metaid.study.loops import loop_of
 from metaid.study.spec import StudySpec
 
 if TYPE_CHECKING:
     from metaid.compiled import Objective
-    from metaid.estimation import Experiment, Loop
+    from metaid.estimation import Experiment
 
 READING_BUDGET = 16_000_000  # bytes of readings a study, before they are made a text
 MOST_TRIALS = 32  # that an estimate is made of
@@ -258,22 +257,12 @@ class Problem:
             stiffness=robot.stiffness,
             resolution=self.resolution,
             compared=robot.compared,
-            loop=self._loop if self.keeps_readings else None,
+            loop=loop_of(self.spec, robot) if self.keeps_readings else None,
             faults=searched_faults(wanted.searched_faults, unknowns, starts[:, 1], wanted.teeth),
             takes_up=wanted.takes_up_faults and not faults.torque_noise,
             torque_noise=np.full(len(self.spec.joints), faults.torque_noise) if faults.torque_noise else None,
             remembered=self._remembered,
         )
-
-    @property
-    def _loop(self) -> Loop:
-        """How the plant is controlled and read, as far as its user states it, or as it was measured at a rig."""
-        spec, pushed = self.spec, self.spec.pushed
-        if isinstance(spec.plant, SocketSettings):
-            noise, spread = (None, None) if pushed is None else (pushed.angle_noise, start_spread(pushed))
-            return loop_of_rig(spec.plant, noise, spread, spec.study)
-        robot, timestep = self.robot, spec.plant.timestep
-        return loop_of_plant(timestep, spec.faults, robot.resting_noise(), robot.start_spread(), spec.study)
 
     def rehearsal(self, further: int = 0) -> tuple[Experiment, Objective]:
         """The experiment and the objective of the study if its nominal model were the truth; `further` is added to the
