@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -77,20 +78,15 @@ def _noise(given: tuple[str, ...]) -> Noise:
 
 
 def _print(found: Excitation, whole: bool) -> None:
-    told = found.forecast
-    each = list(
-        zip(
-            told.names,
-            told.nominal.tolist(),
-            told.deviations.tolist(),
-            told.determined.tolist(),
-            told.units,
-            strict=True,
-        )
-    )
     rows = [
-        [name, number_text(nominal), f"± {sd:.2g}", "yes" if determined else "NO", unit]
-        for name, nominal, sd, determined, unit in each
+        [
+            each["name"],
+            number_text(each["nominal"]),
+            f"± {each['sd']:.2g}",
+            "yes" if each["determined"] else "NO",
+            each["unit"],
+        ]
+        for each in _parameters(found)
     ]
     left = 0 if whole else max(len(rows) - FEW, 0)
     print_table(
@@ -136,6 +132,22 @@ def _median(shares: Any) -> str:
     return f"{sorted(shares.tolist())[len(shares) // 2]:.2f}"
 
 
+def _parameters(found: Excitation) -> list[dict[str, Any]]:
+    """What is said of each parameter."""
+    told = found.forecast
+    columns: dict[str, Sequence[Any]] = {
+        "name": told.names,
+        "unit": told.units,
+        "nominal": told.nominal.tolist(),
+        "sd": told.deviations.tolist(),
+        "determined": told.determined.tolist(),
+        "second_motion": found.second.tolist(),
+        "same_again": found.again.tolist(),
+        "expression": told.expressions,
+    }
+    return [dict(zip(columns, each, strict=True)) for each in zip(*columns.values(), strict=True)]
+
+
 def _summary(found: Excitation) -> dict[str, Any]:
     """What `--json` prints."""
     told, limits = found.forecast, found.limits
@@ -151,29 +163,7 @@ def _summary(found: Excitation) -> dict[str, Any]:
             key: [value if math.isfinite(value) else None for value in values] for key, values in of_limits.items()
         }
         | {"floor": limits.floor},
-        "parameters": [
-            {
-                "name": name,
-                "unit": unit,
-                "nominal": nominal,
-                "sd": sd,
-                "determined": determined,
-                "second_motion": second,
-                "same_again": again,
-                "expression": expression,
-            }
-            for name, unit, nominal, sd, determined, second, again, expression in zip(
-                told.names,
-                told.units,
-                told.nominal.tolist(),
-                told.deviations.tolist(),
-                told.determined.tolist(),
-                found.second.tolist(),
-                found.again.tolist(),
-                told.expressions,
-                strict=True,
-            )
-        ],
+        "parameters": _parameters(found),
         "unknown_joints": list(told.unknown),
         "payload": None
         if found.payload is None

@@ -90,9 +90,7 @@ class Excitation:
 
     def nominal_torques(self, times: Array) -> Array:
         """What the nominal robot needs (nstep x njoint), in N m or N."""
-        motion = self.series.at(times)
-        rows = self.problem.model.regressor(motion.angles, motion.speeds, motion.accelerations)
-        return np.asarray(rows @ self.problem.nominal, dtype=np.float64)
+        return self.problem.torques(self.at(times))
 
 
 def excite(
@@ -197,7 +195,6 @@ def _payload(plant: SimulatedPlant, criterion: Criterion, series: Series) -> tup
     mass = float(f"{PAYLOAD * tree.mass.sum():.1g}")
     loaded = replace(tree, mass=tree.mass + mass * (np.arange(tree.njoint) == tree.njoint - 1))
     motion = series.at(series.period / 200 * np.arange(200))
-    state = motion.angles, motion.speeds, motion.accelerations
-    carried = np.sqrt(((joint_torque(loaded, *state) - joint_torque(tree, *state)) ** 2).mean(axis=0))
+    carried = np.sqrt(((joint_torque(loaded, *motion) - joint_torque(tree, *motion)) ** 2).mean(axis=0))
     with np.errstate(divide="ignore"):
         return mass, OF_TWO * criterion.noise / (np.sqrt(criterion.readings) * carried)

@@ -30,8 +30,7 @@ def _joint_trajectory(found: Excitation, times: np.ndarray) -> Iterator[str]:
     """The lines of a trajectory_msgs/msg/JointTrajectory."""
     yield "header:\n  stamp: {sec: 0, nanosec: 0}\n  frame_id: ''"
     yield f"joint_names: {json.dumps(list(found.joints), ensure_ascii=False)}\npoints:"
-    motion = found.at(times)
-    for time, *rows in zip(times.tolist(), motion.angles, motion.speeds, motion.accelerations, strict=True):
+    for time, *rows in zip(times.tolist(), *found.at(times), strict=True):
         for kind, row in zip(("positions", "velocities", "accelerations"), rows, strict=True):
             begin = "- " if kind == "positions" else "  "
             yield f"{begin}{kind}: [{', '.join(f'{value:.{DIGITS}g}' for value in row.tolist())}]"

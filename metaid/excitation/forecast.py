@@ -69,7 +69,7 @@ def recorded(torques: Torques, series: Series, seconds: float, noise: Noise, see
     times = np.asarray(noise.period * np.arange(round(seconds / noise.period)), dtype=np.float64)
     angles = series.at(times).angles
     held = series.at(times + 0.5 * noise.period)  # a torque holds until the next
-    sent = torques(held.angles, held.speeds, held.accelerations)
+    sent = torques(*held)
     size = noise.torque * np.sqrt((sent**2).mean(axis=0))
     keeps = float(np.exp(-noise.period / LASTS))
     drawn = np.array([np.random.default_rng(seed).standard_normal((2, *sent.shape)) for seed in seeds])
@@ -129,8 +129,7 @@ def forecast(model: LinearModel, nominal: Array, series: Series, seconds: float,
 
 def _unknown(model: LinearModel, nominal: Array, series: Series, covariance: Array) -> tuple[str, ...]:
     """The joints whose torque is predicted to no better than a tenth along the motion."""
-    motion = series.at(np.linspace(0.0, series.period, 200))
-    rows = model.regressor(motion.angles, motion.speeds, motion.accelerations)
+    rows = model.regressor(*series.at(np.linspace(0.0, series.period, 200)))
     variance = np.einsum("tjp,pq,tjq->tj", rows, covariance, rows, optimize=True).mean(axis=0)
     sizes = np.sqrt(((rows @ nominal) ** 2).mean(axis=0))
     wide = np.sqrt(variance) > COARSEST * sizes

@@ -17,7 +17,7 @@ import numpy as np
 
 from metaid.errors import PlantError
 from metaid.excitation.limits import Limits
-from metaid.excitation.series import Series, rest_to_rest
+from metaid.excitation.series import Series, Trajectory, rest_to_rest
 from metaid.models import Array
 from metaid.recorded import LinearModel
 
@@ -82,8 +82,7 @@ class Criterion:
 
 def regressor_along(model: LinearModel, series: Series, count: int) -> Array:
     """The torque for a unit of each unknown at so many times of a period (count x njoint x nparam)."""
-    motion = series.at(series.period / count * np.arange(count))
-    return model.regressor(motion.angles, motion.speeds, motion.accelerations)
+    return model.regressor(*series.at(series.period / count * np.arange(count)))
 
 
 @dataclass(frozen=True)
@@ -109,9 +108,9 @@ class Problem:
         """Why series were given up, and how often."""
         return Counter()
 
-    def torques(self, series: Series, count: int) -> Array:
-        """What the nominal robot needs along a series (count x njoint), in N m or N."""
-        return np.asarray(regressor_along(self.model, series, count) @ self.nominal, dtype=np.float64)
+    def torques(self, motion: Trajectory) -> Array:
+        """What the nominal robot needs along a motion (nstep x njoint), in N m or N."""
+        return np.asarray(self.model.regressor(*motion) @ self.nominal, dtype=np.float64)
 
     def scaled(self, shape: Shape) -> Series:
         """The largest series of such a shape within coordinates, speeds and accelerations."""
@@ -164,7 +163,7 @@ class Problem:
             and (motion.angles <= limits.high).all()
             and (np.abs(motion.speeds) <= limits.speed).all()
             and (np.abs(motion.accelerations) <= limits.acceleration).all()
-            and (np.abs(self.torques(series, count)) <= limits.torque).all()
+            and (np.abs(self.torques(motion)) <= limits.torque).all()
             and self.is_clear(series, count)
         )
 

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from metaid.models import Array
 
 
-@dataclass(frozen=True)
-class Trajectory:
+class Trajectory(NamedTuple):
     """Joint `angles` in rad, `speeds` in rad/s and `accelerations` in rad/s² over time, each (nstep x njoint); of
     slides in m.
     """
