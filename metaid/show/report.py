@@ -53,11 +53,11 @@ def render(found: Findings, watch: Watch = lambda what: None) -> str:
         study=spec.study,
         settings=settings(found),
         plant_picture=plant_picture(found),
-        joints=joint_rows(problem.nominal),
+        joints=joint_rows(found),
         errors=errors(found),
         validation=None if found.validation is None else found.validation.summary(),
         units={} if found.validation is None else {UNITS[unit]: unit for unit in found.validation.kinds},
-        left_open=left_open(problem.nominal, found),
+        left_open=left_open(found),
         left_out=gallery.left_out,
         figures=[picture for picture in drawn if picture.name not in OF_SEARCH],
         search_figures=[picture for picture in drawn if picture.name in OF_SEARCH],
@@ -105,7 +105,7 @@ def plant_picture(found: Findings) -> PageFigure:
     wide, narrow = (
         inline_svg(sketch(plant, found.problem.episode, width), f"plant-{name}-") for name, width in widths.items()
     )
-    return PageFigure("plant", plant_caption(plant, found), wide, narrow)
+    return PageFigure("plant", plant_caption(found), wide, narrow)
 
 
 def errors(found: Findings) -> list[dict[str, Any]]:

@@ -5,8 +5,6 @@ from __future__ import annotations
 import os
 import sys
 from copy import copy
-from functools import singledispatch
-from typing import Any
 
 import numpy as np
 
@@ -127,21 +125,12 @@ def open_viewer(plant: MujocoPlant | ArmPlant) -> None:
     mujoco.viewer.launch(model, data)
 
 
-@singledispatch
-def in_viewer(plant: Any) -> tuple[mujoco.MjModel, Array]:
-    """The model that the viewer moves, the plant's own, with shapes, and the coordinates (nq) at which it begins."""
-    raise TypeError(plant)
-
-
-@in_viewer.register
-def _chain_in_viewer(plant: MujocoPlant) -> tuple[mujoco.MjModel, Array]:
-    """Upright."""
-    return scene(plant.chain, plant.felt_gravity, plant.timestep, plant.tilt), np.zeros(plant.njoint)
-
-
-@in_viewer.register
-def _arm_in_viewer(plant: ArmPlant) -> tuple[mujoco.MjModel, Array]:
-    """At home: the whole file, where that has shapes, else rods."""
+def in_viewer(plant: MujocoPlant | ArmPlant) -> tuple[mujoco.MjModel, Array]:
+    """The model that the viewer moves, the plant's own, with shapes, and the coordinates (nq) at which it begins: of a
+    chain upright, of an arm at home. Of that it is the whole file, where that has shapes, else rods.
+    """
+    if isinstance(plant, MujocoPlant):
+        return scene(plant.chain, plant.felt_gravity, plant.timestep, plant.tilt), np.zeros(plant.njoint)
     whole = plant.arm.whole
     return (whole.model, whole.pose) if whole.model.ngeom else (_rods(plant), plant.home)
 

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from functools import singledispatch
-from typing import Any
-
 import numpy as np
 import tomli_w
 
 from metaid.episode import Episode, Spatial
-from metaid.models import Chain
 from metaid.models.tree import Tree
-from metaid.plant import ArmPlant, MujocoPlant, PlantSettings
+from metaid.plant import PlantSettings
 from metaid.results import Findings
 from metaid.study import DrawnNominalSettings, NominalSettings, StudySpec
 
@@ -41,38 +37,28 @@ def plant_words(spec: StudySpec) -> str:
 
 def episode_words(episode: Episode, timestep: float) -> str:
     """What is done to the plant with each candidate, torques being `timestep` (s) apart."""
-    return _words(episode.kind, episode, timestep)
-
-
-@singledispatch
-def _words(kind: Any, episode: Episode, timestep: float) -> str:
     rule = episode.fall_rule
-    return (
-        f"{plural(len(episode.pushes), 'push')}, {episode.steps:,} steps ({episode.steps * timestep:.3g} s) after "
-        f"each; a link has fallen past {np.degrees(rule.limit):.3g}° if it is {rule.margin:.3g} times faster than any "
-        "was after the push"
-    )
-
-
-@_words.register
-def _arms_words(kind: Spatial, episode: Episode, timestep: float) -> str:
+    lasting = f"{episode.steps:,} steps ({episode.steps * timestep:.3g} s)"
+    if not isinstance(episode.kind, Spatial):
+        return (
+            f"{plural(len(episode.pushes), 'push')}, {lasting} after each; a link has fallen past "
+            f"{np.degrees(rule.limit):.3g}° if it is {rule.margin:.3g} times faster than any was after the push"
+        )
     springs = int(np.count_nonzero(episode.springs))
     coasts = episode.npush - springs
     return (
         f"{plural(coasts, 'push')} that coast{'s' * (coasts == 1)} and {springs} that swing{'s' * (springs == 1)} as "
-        f"on springs, {episode.steps:,} steps ({episode.steps * timestep:.3g} s) each; a push has fallen in which a "
-        f"joint leaves its range, or is {episode.fall_rule.runaway:.3g} times faster than any was at a start"
+        f"on springs, {lasting} each; a push has fallen in which a joint leaves its range, or is {rule.runaway:.3g} "
+        "times faster than any was at a start"
     )
 
 
-@singledispatch
-def joint_rows(nominal: Any) -> list[dict[str, str]]:
-    """The joints of a nominal model, where there is anything to say of them."""
-    return []
+def joint_rows(found: Findings) -> list[dict[str, str]]:
+    """The joints of the nominal model, where there is anything to say of them: of an arm."""
+    if not found.spec.is_arm:
+        return []
+    nominal: Tree = found.problem.nominal
 
-
-@joint_rows.register
-def _of_arm(nominal: Tree) -> list[dict[str, str]]:
     def end(value: float, is_slide: bool) -> str:
         if not np.isfinite(value):
             return "none"
@@ -86,14 +72,13 @@ def _of_arm(nominal: Tree) -> list[dict[str, str]]:
     ]
 
 
-@singledispatch
-def left_open(nominal: Any, found: Findings) -> str:
+def left_open(found: Findings) -> str:
     """What does not follow from what was `found`, in a sentence or two."""
-    raise TypeError(nominal)
-
-
-@left_open.register
-def _by_lumps(nominal: Chain, found: Findings) -> str:
+    if found.spec.is_arm:
+        return (
+            "Base parameters are all that the torque depends on: single masses, centres of mass and moments of inertia "
+            "do not follow from them."
+        )
     lumps, said = found.problem.names, []
     if found.verdict.source != "estimate":
         said.append("Inertia lumps act in no term that is compensated.")
@@ -103,31 +88,16 @@ def _by_lumps(nominal: Chain, found: Findings) -> str:
     return " ".join(said)
 
 
-@left_open.register
-def _by_base_parameters(nominal: Tree, found: Findings) -> str:
-    return (
-        "Base parameters are all that the torque depends on: single masses, centres of mass and moments of inertia do "
-        "not follow from them."
-    )
-
-
-@singledispatch
-def plant_caption(plant: Any, found: Findings) -> str:
+def plant_caption(found: Findings) -> str:
     """What the picture of a plant shows."""
-    raise TypeError(plant)
-
-
-@plant_caption.register
-def _sketched(plant: MujocoPlant, found: Findings) -> str:
+    if found.spec.is_arm:
+        return (
+            "Its joints, the arrows by the right-hand rule, and the last centre of mass, where the first push begins."
+        )
     if shows_plant(found):
         return "The plant as it is simulated, bent a little at every joint. The search never sees these numbers."
     what = "A plant whose truth is not told" if found.problem.is_simulated else "A rig"
     return f"{what}, drawn by the nominal model, bent a little at every joint."
-
-
-@plant_caption.register
-def _of_rods(plant: ArmPlant, found: Findings) -> str:
-    return "Its joints, the arrows by the right-hand rule, and the last centre of mass, where the first push begins."
 
 
 def shows_plant(found: Findings) -> bool:

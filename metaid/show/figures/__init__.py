@@ -6,7 +6,6 @@ found = load_findings("three-link")
 figures.plot_convergence(found)
 """
 
-from metaid.show.figures import space  # noqa: F401, it knows how arms are drawn
 from metaid.show.figures.comparison import comparison_figure, plot_comparison
 from metaid.show.figures.episodes import draw_episode, draw_push, plot_angles, plot_phase, plot_speeds
 from metaid.show.figures.estimate import plot_covariance, plot_difference, plot_growth, plot_motion, plot_residuals

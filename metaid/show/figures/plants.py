@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from functools import singledispatch
-from typing import Any
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from metaid.episode import Episode
 from metaid.models import Chain
-from metaid.plant import MujocoPlant
+from metaid.plant import ArmPlant, MujocoPlant
+from metaid.show.figures.space import arm_figure, rods_figure
 from metaid.show.figures.style import FALL, INK, PAGE, RANGE, SURVIVOR, new_axes, style, verbatim
 
 BEND = np.radians(14.0)  # of the links, to and fro, so that one can see where each ends
@@ -71,27 +70,19 @@ def _label(chain: Chain, i: int) -> str:
     )
 
 
-@singledispatch
-def plant_figure(plant: Any, width: float = 0.64 * PAGE) -> Figure:
-    """A sketch of a plant, `width` inches wide, at a size that holds its labels. Lengths are to scale, in m."""
-    raise TypeError(plant)
-
-
-@plant_figure.register
-def _chain_figure(plant: MujocoPlant, width: float = 0.64 * PAGE) -> Figure:
-    """Bent a little at every joint."""
+def plant_figure(plant: MujocoPlant | ArmPlant, width: float | None = None) -> Figure:
+    """A sketch of a plant, `width` inches wide, or as wide as suits it, and as high as its labels need. Lengths are
+    to scale, in m.
+    """
+    if not isinstance(plant, MujocoPlant):
+        return arm_figure(plant, PAGE if width is None else width)
+    width = 0.64 * PAGE if width is None else width
     with style():
         figure = Figure(figsize=(width, max(3.2, 0.5 * plant.njoint)), layout="constrained")
         plot_plant(plant, figure.subplots())
     return figure
 
 
-@singledispatch
-def sketch(plant: Any, episode: Any, width: float) -> Figure:
+def sketch(plant: MujocoPlant | ArmPlant, episode: Episode, width: float) -> Figure:
     """A plant without shapes, `width` inches wide, as an `episode` of it may begin."""
-    raise TypeError(plant)
-
-
-@sketch.register
-def _chain_sketch(plant: MujocoPlant, episode: Any, width: float) -> Figure:
-    return plant_figure(plant, width)
+    return plant_figure(plant, width) if isinstance(plant, MujocoPlant) else rods_figure(plant, episode, width)

@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 from metaid.episode import Episode
 from metaid.models import Array
 from metaid.plant import ArmPlant
-from metaid.show.figures.plants import plant_figure, sketch
-from metaid.show.figures.style import FALL, INK, PAGE, RANGE, SURVIVOR, style, verbatim
+from metaid.show.figures.style import FALL, INK, RANGE, SURVIVOR, style, verbatim
 
 if TYPE_CHECKING:
     from mpl_toolkits.mplot3d import Axes3D
@@ -24,8 +23,7 @@ LIGHT = np.array([0.35, -0.55, 0.76])  # towards the light
 THICK = 0.04  # of a link without shapes, as a share of the arm's size
 
 
-@plant_figure.register
-def _arm_figure(arm: ArmPlant, width: float = PAGE) -> Figure:
+def arm_figure(arm: ArmPlant, width: float) -> Figure:
     """The arm at home with the shapes of its file, or with rods between its joints where the file has none, and what
     its joints are.
     """
@@ -41,8 +39,7 @@ def _arm_figure(arm: ArmPlant, width: float = PAGE) -> Figure:
     return figure
 
 
-@sketch.register
-def _rods(arm: ArmPlant, episode: Episode, width: float) -> Figure:
+def rods_figure(arm: ArmPlant, episode: Episode, width: float) -> Figure:
     """Lines from joint to joint and to the last centre of mass, where the first push begins."""
     import mujoco
 
