@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property, singledispatch
+from functools import cached_property
 from pathlib import Path
-from typing import Any, Protocol, cast
+from typing import Any, cast
 
 import click
 
@@ -24,59 +24,6 @@ from metaid.study import COUNTING_STEPS, Problem
 Table = tuple[str, list[str], list[list[str]]]  # its title, headings, and cells row by row
 
 
-class Look(Protocol):
-    """An episode that was looked at."""
-
-    @property
-    def shown(self) -> dict[str, Any]:
-        """As `metaid episode --json` prints it."""
-
-    @property
-    def table(self) -> Table:
-        """The same as a table."""
-
-    def draw(self, path: Path) -> None:
-        """Draws it as a file whose ending says the format."""
-
-    @property
-    def laws(self) -> dict[str, Any]:
-        """Laws that a film of it shows without a study, by the captions of its panels; none where it needs one."""
-
-    def stage(self, problem: Problem | None) -> Any:
-        """Where the plant is filmed, under laws of the study of that `problem` if of any."""
-
-
-@singledispatch
-def look_at(plant: Any, factors: Mapping[str, float], steps: int | None, seed: int | None, nominal: int | None) -> Look:
-    """An episode of a `plant`.
-
-    Args:
-        plant: that is pushed.
-        factors: of what the law is made of, by name; 1 of what is not named.
-        steps: after the push, or None for the usual number.
-        seed: of where an arm begins.
-        nominal: the seed of the nominal arm whose law is sent to an arm, or None for its own.
-    """
-    raise TypeError(plant)
-
-
-@look_at.register
-def _chain(
-    plant: MujocoPlant, factors: Mapping[str, float], steps: int | None, seed: int | None, nominal: int | None
-) -> Look:
-    if given := [option for option, value in (("--seed", seed), ("--nominal", nominal)) if value is not None]:
-        raise click.UsageError(f"{given[0]} is of an arm, and plant {plant.name} is a planar chain (allowed: --factor)")
-    objective = api.episode_objective(plant, COUNTING_STEPS if steps is None else steps)
-    return ChainLook(objective, api.check_factors(factors, objective.nominal))
-
-
-@look_at.register
-def _arm(
-    plant: ArmPlant, factors: Mapping[str, float], steps: int | None, seed: int | None, nominal: int | None
-) -> Look:
-    return ArmLook(plant, api.arm_push(plant, factors, steps, seed or 0, nominal))
-
-
 @dataclass
 class ChainLook:
     """That of a chain: the episode of an `objective` with `factors` (nlump) of the plant's own lumps."""
@@ -86,10 +33,12 @@ class ChainLook:
 
     @cached_property
     def shown(self) -> dict[str, Any]:
+        """As `metaid episode --json` prints it."""
         return self.objective.summary(self.factors)
 
     @property
     def table(self) -> Table:
+        """The same as a table."""
         shown, steps = self.shown, self.objective.episode.steps
         what = (
             f"fell at step {shown['fall_step']} of {steps}"
@@ -103,16 +52,19 @@ class ChainLook:
         return f"{shown['plant']}: {what}", ["joint", "whole periods", "frequency, Hz"], rows
 
     def draw(self, path: Path) -> None:
+        """Draws it as a file whose ending says the format."""
         from metaid.show.figures import draw_episode  # loads matplotlib
 
         draw_episode(self.objective, self.factors, path)
 
     @property
     def laws(self) -> dict[str, Any]:
+        """Laws that a film of it shows without a study, by the captions of its panels; none where it needs one."""
         own = self.objective.nominal
         return {"candidate": own.scaled(self.factors), "true": own}
 
     def stage(self, problem: Problem | None) -> Any:
+        """Where the plant is filmed, under laws of the study of that `problem` if of any."""
         from metaid.show import ChainStage  # needs what films need
 
         return ChainStage(self.objective)
@@ -157,3 +109,30 @@ class ArmLook:
 
         assert problem is not None, "an arm is filmed with a study"
         return ArmStage(self.plant, cast(Tree, problem.nominal))  # the study is about this arm
+
+
+Look = ChainLook | ArmLook
+
+
+def look_at(
+    plant: MujocoPlant | ArmPlant,
+    factors: Mapping[str, float],
+    steps: int | None,
+    seed: int | None,
+    nominal: int | None,
+) -> Look:
+    """An episode of a `plant`.
+
+    Args:
+        plant: that is pushed.
+        factors: of what the law is made of, by name; 1 of what is not named.
+        steps: after the push, or None for the usual number.
+        seed: of where an arm begins.
+        nominal: the seed of the nominal arm whose law is sent to an arm, or None for its own.
+    """
+    if not isinstance(plant, MujocoPlant):
+        return ArmLook(plant, api.arm_push(plant, factors, steps, seed or 0, nominal))
+    if given := [option for option, value in (("--seed", seed), ("--nominal", nominal)) if value is not None]:
+        raise click.UsageError(f"{given[0]} is of an arm, and plant {plant.name} is a planar chain (allowed: --factor)")
+    objective = api.episode_objective(plant, COUNTING_STEPS if steps is None else steps)
+    return ChainLook(objective, api.check_factors(factors, objective.nominal))

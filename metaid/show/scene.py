@@ -88,15 +88,6 @@ def arm_scene(plant: ArmPlant) -> mujoco.MjModel:
     return model
 
 
-def scene_poses(plant: ArmPlant, model: mujoco.MjModel, coordinates: Array) -> Array:
-    """The coordinates of all joints (... x nq) of a `model` of an arm at `coordinates` of those that move (... x
-    njoint).
-    """
-    if model.nq == plant.njoint:
-        return coordinates
-    return np.apply_along_axis(plant.arm.whole.at, -1, coordinates)
-
-
 def side_camera(model: mujoco.MjModel, poses: Array) -> Camera:
     """Looks obliquely from above from where the bodies of a `model` are seen in all these `poses` (... x nq)."""
     data, places = mujoco.MjData(model), []

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from mujoco import MjModel
@@ -19,7 +19,7 @@ from metaid.models import Array, Lumps
 from metaid.models.tree import Tree
 from metaid.plant import ArmPlant, ArmStart, MujocoPlant
 from metaid.show.rendering import Camera
-from metaid.show.scene import arm_scene, front_camera, scene, scene_poses, side_camera
+from metaid.show.scene import arm_scene, front_camera, scene, side_camera
 
 FILM_SECONDS = 20.0  # of the motion of a chain at most
 ARM_SECONDS = 4.0
@@ -35,29 +35,6 @@ class Motion:
     angles: Array
 
 
-class Stage(Protocol):
-    """A plant that is filmed."""
-
-    def motion(self, law: Any, caption: str, rate: int) -> Motion:
-        """What a panel shows.
-
-        Args:
-            law: of the candidate, as the plant takes it.
-            caption: of the panel.
-            rate: frames a second.
-        """
-
-    @property
-    def model(self) -> MjModel:
-        """What is drawn."""
-
-    def poses(self, angles: Array) -> Array:
-        """Coordinates of all joints of the model (... x nq) where those that move are at `angles` (... x njoint)."""
-
-    def camera(self, poses: Array) -> Camera:
-        """From where all these `poses` (... x nq) are seen."""
-
-
 @dataclass(frozen=True)
 class ChainStage:
     """The simulated chain of an `objective`, in whose episode it is filmed. Laws are lumps."""
@@ -71,9 +48,14 @@ class ChainStage:
         return self.objective.plant
 
     def motion(self, law: Lumps, caption: str, rate: int) -> Motion:
-        """That of the very episode, faults and noise included, whose numbers the objective gives.
+        """What a panel shows: the very episode, faults and noise included, whose numbers the objective gives.
 
         Of a plant with sensors that err it is what they read.
+
+        Args:
+            law: of the candidate, as the plant takes it.
+            caption: of the panel.
+            rate: frames a second.
         """
         candidate = Objective(self.plant, law, self.objective.episode, self.objective.measure.name)
         record, trajectory = candidate.watch(np.ones(len(law.vector)))
@@ -83,12 +65,15 @@ class ChainStage:
 
     @property
     def model(self) -> MjModel:
+        """What is drawn."""
         return scene(self.plant.chain, self.plant.gravity, self.plant.timestep)
 
     def poses(self, angles: Array) -> Array:
+        """Coordinates of all joints of the model (... x nq) where those that move are at `angles` (... x njoint)."""
         return angles
 
     def camera(self, poses: Array) -> Camera:
+        """From where all these `poses` (... x nq) are seen."""
         return front_camera(self.plant.chain, poses)
 
 
@@ -119,10 +104,15 @@ class ArmStage:
         return arm_scene(self.plant)
 
     def poses(self, angles: Array) -> Array:
-        return scene_poses(self.plant, self.model, angles)
+        if self.model.nq == self.plant.njoint:
+            return angles
+        return np.apply_along_axis(self.plant.arm.whole.at, -1, angles)
 
     def camera(self, poses: Array) -> Camera:
         return side_camera(self.model, poses)
+
+
+Stage = ChainStage | ArmStage
 
 
 def slow_start(plant: ArmPlant) -> ArmStart:
