@@ -162,8 +162,8 @@ def reached(found: Findings) -> list[dict[str, Any]]:
     return rows
 
 
-def unidentified(found: Findings) -> list[dict[str, Any]]:
-    """What this study does not determine, or determines only roughly, each with the reason."""
+def unidentified(found: Findings) -> dict[str, str]:
+    """What this study does not determine, or determines only roughly, with the reason of each."""
     by_estimate, has_prior = found.verdict.source == "estimate", found.sought.deviations is not None
     who = "these trials do" if by_estimate else f"{found.problem.measure.name} with these pushes does"
     tenth = "what it is, or of what it may have been wrong by beforehand" if has_prior else "its value"
@@ -182,7 +182,7 @@ def unidentified(found: Findings) -> list[dict[str, Any]]:
         return f"{what} {width:.1%} of its value" if width > WIDEST else None
 
     reasons = ((lump["name"], why(lump)) for lump in found.summary["lumps"])
-    return [{"name": name, "why": reason} for name, reason in reasons if reason is not None]
+    return {name: reason for name, reason in reasons if reason is not None}
 
 
 def file_stem(name: str) -> str:
