@@ -12,7 +12,7 @@ from matplotlib.colors import LogNorm, Normalize
 from numpy.typing import NDArray
 
 from metaid.models import Array
-from metaid.show.figures.style import FALL, INK, LINE_VALUES, MANY, SURVIVOR, new_axes
+from metaid.show.figures.style import FALL, FELL, INK, LINE_VALUES, MANY, SURVIVED, SURVIVOR, new_axes
 
 if TYPE_CHECKING:  # figures of logs do without studies
     from metaid.results import Findings, Plane, Sweep
@@ -46,28 +46,10 @@ def plot_boundary(
             axes.plot([], [], color=FALL, label="edge of falling, the others at their best")
     many = len(found.trials) > MANY
     survivors, falls = found.drawn_rows(found.survivors), found.drawn_rows(found.falls)
-    axes.plot(
-        survivors[first],
-        survivors[second],
-        "o",
-        color=SURVIVOR,
-        markersize=2.5,
-        alpha=0.6,
-        markeredgewidth=0,
-        label="survivor",
-        rasterized=many,
-    )
+    x, y = survivors[first], survivors[second]
+    axes.plot(x, y, **SURVIVED, marker="o", markersize=2.5, markeredgewidth=0, rasterized=many)
     if len(falls):
-        axes.plot(
-            falls[first],
-            falls[second],
-            "x",
-            color=FALL,
-            markersize=3,
-            markeredgewidth=0.7,
-            label="fall",
-            rasterized=many,
-        )
+        axes.plot(falls[first], falls[second], **FELL, rasterized=many)
     if len(survivors):
         axes.plot(
             *found.drawn(found.best_factors)[[one, two]],

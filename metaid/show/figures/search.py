@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import FixedLocator, MaxNLocator
 
 from metaid.models import Array
-from metaid.show.figures.style import COLOURS, FALL, INK, MANY, RANGE, SURVIVOR, new_axes, say_at
+from metaid.show.figures.style import COLOURS, FALL, FELL, INK, MANY, RANGE, SURVIVED, SURVIVOR, new_axes, say_at
 
 if TYPE_CHECKING:  # figures of logs do without studies
     from metaid.results import Findings
@@ -79,27 +79,10 @@ def plot_factor(found: Findings, lump: str, axes: Axes | None = None) -> Axes:
     index = found.index(lump)
     survivors, falls = found.drawn_rows(found.survivors), found.drawn_rows(found.falls)
     many = len(found.trials) > MANY
-    axes.plot(
-        survivors["number"],
-        survivors[lump],
-        ".",
-        color=SURVIVOR,
-        markersize=_size(len(survivors)),
-        alpha=0.6,
-        label="survivor",
-        rasterized=many,
-    )
+    size = _size(len(survivors))
+    axes.plot(survivors["number"], survivors[lump], **SURVIVED, marker=".", markersize=size, rasterized=many)
     if len(falls):
-        axes.plot(
-            falls["number"],
-            falls[lump],
-            "x",
-            color=FALL,
-            markersize=3,
-            markeredgewidth=0.7,
-            label="fall",
-            rasterized=many,
-        )
+        axes.plot(falls["number"], falls[lump], **FELL, rasterized=many)
     if found.true_factors is not None:
         axes.axhline(found.drawn(found.true_factors)[index], color=INK, linewidth=0.8, linestyle="--", label="truth")
     axes.set_title(lump)

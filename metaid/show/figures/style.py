@@ -21,6 +21,16 @@ from matplotlib.figure import Figure
 INK = "#1b1b1f"  # of text, axes and the truth; the report puts the reader's own ink in its place
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", INK)  # Okabe and Ito, for all eyes
 SURVIVOR, FALL, RANGE = COLOURS[0], COLOURS[1], COLOURS[5]
+# How `plot` marks candidates that survived, and such as fell.
+SURVIVED: dict[str, Any] = {"linestyle": "none", "color": SURVIVOR, "alpha": 0.6, "label": "survivor"}
+FELL: dict[str, Any] = {
+    "linestyle": "none",
+    "marker": "x",
+    "color": FALL,
+    "markersize": 3,
+    "markeredgewidth": 0.7,
+    "label": "fall",
+}
 VALUES = "cividis"  # of frequencies: even in lightness, and the same for most eyes
 # The same for lines, seen on white and on black: neither end of cividis is.
 LINE_VALUES = LinearSegmentedColormap.from_list("line values", (COLOURS[0], "#8f8f96", COLOURS[4]))
