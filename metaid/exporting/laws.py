@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from string import Template
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,42 +32,6 @@ Constants = Mapping[str, Array | NDArray[np.bool_] | NDArray[np.intp]]
 _ROTOR, _DAMPING, _COULOMB = (PARAMETERS.index(name) for name in ("rotor", "damping", "coulomb"))
 
 
-class Law(Protocol):
-    """A law, which can be computed, and written in two languages."""
-
-    @property
-    def njoint(self) -> int:
-        """How many joints it is for."""
-
-    def torque(self, angles: Array, speeds: Array) -> Array:
-        """The joint torque (... x njoint) that leaves nothing to accelerate the plant, in N m (of a slide in N), of
-        angles and speeds (... x njoint each); dry friction is what the speeds alone say.
-        """
-
-    @property
-    def has_inertia(self) -> bool:
-        """Whether the inertia lumps are known, without which it has no more than `torque`."""
-
-    def inverse_dynamics(self, angles: Array, speeds: Array, accelerations: Array) -> Array:
-        """The joint torque (... x njoint) that gives the joints these accelerations (... x njoint), in N m. Rows
-        (... x nrow x njoint) are in the order of time: where dry friction has pre-sliding it follows the motion.
-        """
-
-    def mass_matrix(self, angles: Array) -> Array:
-        """In joint coordinates (... x njoint x njoint), in kg m²."""
-
-    def python(self) -> str:
-        """A Python module with a function `torque(q, qd)`, and `mass_matrix(q)` and `inverse_dynamics(q, qd, qdd)`
-        where inertia is known; where dry friction has pre-sliding that takes the `slip` which `slide(slip, dq)` keeps.
-        """
-
-    def c(self, name: str) -> str:
-        """A C99 header with a function `NAME_torque(q, qd, torque)`, and `NAME_mass_matrix(q, matrix)` and
-        `NAME_inverse_dynamics(q, qd, qdd, torque)` where inertia is known; where dry friction has pre-sliding that is
-        `NAME_inverse_dynamics(q, qd, qdd, slip, torque)`, with the slip that `NAME_slide(dq, slip)` keeps, or NULL.
-        """
-
-
 @dataclass(frozen=True)
 class ChainLaw(ChainModel):
     """The law of a chain's lumps.  Eqs. 5, 6 and 12.  `rotor` (njoint), in kg m²: the reflected inertia of what turns
@@ -78,18 +42,22 @@ class ChainLaw(ChainModel):
 
     @property
     def njoint(self) -> int:
+        """How many joints it is for."""
         return self.lumps.nlink
 
     def mass_matrix(self, angles: Array) -> Array:
+        """In joint coordinates (... x njoint x njoint), in kg m², at joint `angles` (... x njoint)."""
         links = super().mass_matrix(angles)
         return links if self.rotor is None else links + np.diag(self.rotor)
 
     def inverse_dynamics(self, angles: Array, speeds: Array, accelerations: Array) -> Array:
+        """The joint torque (... x njoint) that gives the joints these accelerations (... x njoint), in N m."""
         gained = np.einsum("...ij,...j->...i", self.mass_matrix(angles), accelerations)
         return np.asarray(self.torque(angles, speeds) + gained, dtype=np.float64)
 
     @property
     def has_inertia(self) -> bool:
+        """Whether the inertia lumps are known, without which it has no more than `torque`."""
         return self.lumps.inertia is not None
 
     @property
@@ -100,12 +68,17 @@ class ChainLaw(ChainModel):
         return {"gravity": self.gravity * self.lumps.gravity, "coriolis": self.lumps.coriolis, "rotor": rotor, **parts}
 
     def python(self) -> str:
-        constants = self._constants
-        return _python(_kept(CHAIN_PYTHON + CHAIN_MASS_MATRIX_PYTHON * self.has_inertia, constants), constants)
+        """A Python module with a function `torque(q, qd)`, and `mass_matrix(q)` and `inverse_dynamics(q, qd, qdd)`
+        where inertia is known.
+        """
+        return _python(CHAIN_PYTHON + CHAIN_MASS_MATRIX_PYTHON * self.has_inertia, self._constants)
 
     def c(self, name: str) -> str:
-        constants, text = self._constants, CHAIN_C + CHAIN_MASS_MATRIX_C * self.has_inertia + END_C
-        return _c(_kept(text, constants), name, self.njoint, constants)
+        """A C99 header with a function `NAME_torque(q, qd, torque)`, and `NAME_mass_matrix(q, matrix)` and
+        `NAME_inverse_dynamics(q, qd, qdd, torque)` where inertia is known.
+        """
+        text = CHAIN_C + CHAIN_MASS_MATRIX_C * self.has_inertia + END_C
+        return _c(text, name, self.njoint, self._constants)
 
 
 @dataclass(frozen=True)
@@ -137,11 +110,17 @@ class ArmLaw:
         return JointFriction.simple(self.parameters[:, _DAMPING], self.parameters[:, _COULOMB], still)
 
     def torque(self, angles: Array, speeds: Array) -> Array:
+        """The joint torque (... x njoint) that leaves nothing to accelerate the plant, in N m (of a slide in N), of
+        angles and speeds (... x njoint each); dry friction is what the speeds alone say.
+        """
         friction, steady = self.joint_friction, np.zeros_like(speeds)
         rigid = self._rigid(angles, speeds, steady)
         return rigid + friction.torque(speeds, steady, rigid, friction.sliding.at(speeds))
 
     def inverse_dynamics(self, angles: Array, speeds: Array, accelerations: Array) -> Array:
+        """As that of a chain. Rows (... x nrow x njoint) are in the order of time: where dry friction has pre-sliding
+        it follows the motion.
+        """
         friction, rigid = self.joint_friction, self._rigid(angles, speeds, accelerations)
         sliding = friction.sliding
         slip = sliding.at(speeds) if angles.ndim == 1 else sliding.along(angles, speeds)
@@ -182,12 +161,19 @@ class ArmLaw:
         }
 
     def python(self) -> str:
-        constants = self._constants
-        return _python(_kept(ARM_PYTHON, constants), constants)
+        """As that of a chain; where dry friction has pre-sliding `inverse_dynamics` takes the `slip`, too, which
+        `slide(slip, dq)` keeps.
+        """
+        return _python(ARM_PYTHON, self._constants)
 
     def c(self, name: str) -> str:
-        constants = self._constants
-        return _c(_kept(ARM_C, constants), name, self.njoint, constants)
+        """As that of a chain; where dry friction has pre-sliding there is `NAME_inverse_dynamics(q, qd, qdd, slip,
+        torque)`, with the slip that `NAME_slide(dq, slip)` keeps, or NULL.
+        """
+        return _c(ARM_C, name, self.njoint, self._constants)
+
+
+Law = ChainLaw | ArmLaw  # either can be computed, and written in two languages
 
 
 def c_name(name: str) -> str:
@@ -213,7 +199,7 @@ def _kept(template: str, constants: Constants) -> str:
 
 def _python(template: str, constants: Constants) -> str:
     texts = {key: _numbers(value, "[]", "    ") for key, value in constants.items()}
-    return Template(template).substitute(texts, sliding=repr(SLIDING))
+    return Template(_kept(template, constants)).substitute(texts, sliding=repr(SLIDING))
 
 
 def _c(template: str, name: str, njoint: int, constants: Constants) -> str:
@@ -224,7 +210,7 @@ def _c(template: str, name: str, njoint: int, constants: Constants) -> str:
         "njoint": str(njoint),
         "nmotor": str(len(constants["damping"])),
     }
-    return Template(template).substitute(texts, **words, sliding=repr(SLIDING))
+    return Template(_kept(template, constants)).substitute(texts, **words, sliding=repr(SLIDING))
 
 
 def _numbers(values: Array | NDArray[np.bool_] | NDArray[np.intp], brackets: str, indent: str) -> str:
