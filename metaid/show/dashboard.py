@@ -155,74 +155,62 @@ def _convergence(found: Findings) -> Graph:
     last = int(found.trials["number"].max())
     falls = thinned_rows(found.falls)["number"]
     lines = [
-        {
-            "name": "best so far",
-            "x": [*changes["number"].tolist(), last],
-            "y": five_digits([*changes["value"], best.iloc[-1]]),
-            "mode": "lines",
-            "line": {"shape": "hv", "color": SURVIVOR},
-        },
-        {
-            "name": f"falls ({len(found.falls)})",
-            "x": falls.tolist(),
-            "y": five_digits(np.full(len(falls), survivors["value"].max())),
-            "mode": "markers",
-            "marker": {"symbol": "line-ns-open", "color": FALL},
-        },
+        _trace(
+            "best so far",
+            [*changes["number"].tolist(), last],
+            [*changes["value"], best.iloc[-1]],
+            mode="lines",
+            line={"shape": "hv", "color": SURVIVOR},
+        ),
+        _trace(
+            f"falls ({len(found.falls)})",
+            falls.tolist(),
+            np.full(len(falls), survivors["value"].max()),
+            marker={"symbol": "line-ns-open", "color": FALL},
+        ),
     ]
     scale = "log" if best.iloc[-1] > 0.0 else "linear"
-    return Graph([{"type": "scatter", **line} for line in lines], _layout("Convergence", "trial", found.label, scale))
+    return Graph(lines, _layout("Convergence", "trial", found.label, scale))
 
 
 def _lumps(found: Findings) -> Graph:
     lumps, known = found.lumps, found.lumps["identified"].notna().to_numpy()
     ends = (lumps[key].to_numpy() / found.sought.scale for key in ("identified", "low", "high"))
     value, low, high = (found.drawn(each)[known] for each in ends)
-    ranges = {
-        "type": "scatter",
-        "mode": "markers",
-        "name": f"identified, with its {found.interval_name}",
-        "x": lumps["name"][known].tolist(),
-        "y": five_digits(value),
-        "marker": {"color": SURVIVOR, "size": 9},
-        "error_y": {
-            "type": "data",
-            "symmetric": False,
-            "array": five_digits(high - value),
-            "arrayminus": five_digits(value - low),
-        },
+    spread = {
+        "type": "data",
+        "symmetric": False,
+        "array": five_digits(high - value),
+        "arrayminus": five_digits(value - low),
     }
-    data = [ranges]
+    label, names = f"identified, with its {found.interval_name}", lumps["name"][known].tolist()
+    data = [_trace(label, names, value, marker={"color": SURVIVOR, "size": 9}, error_y=spread)]
     if found.true_factors is not None:
         star = {"symbol": "star-open", "size": 13, "color": FALL}
-        data.append(
-            {
-                "type": "scatter",
-                "mode": "markers",
-                "name": "truth",
-                "x": found.names,
-                "y": five_digits(found.drawn(found.true_factors)),
-                "marker": star,
-            }
-        )
+        data.append(_trace("truth", found.names, found.drawn(found.true_factors), marker=star))
     return Graph(data, _layout("Lumps", "", found.sought.axis))
 
 
 def _falls(found: Findings, first: str, second: str) -> Graph:
-    shown = [found.drawn_rows(rows) for rows in (found.survivors, found.falls)]
-    kinds = [("survivor", shown[0], RANGE, "circle"), ("fall", shown[1], FALL, "x")]
-    data = [
-        {
-            "type": "scatter",
-            "mode": "markers",
-            "name": label,
-            "x": five_digits(thinned_rows(rows)[first]),
-            "y": five_digits(thinned_rows(rows)[second]),
-            "marker": {"color": colour, "symbol": symbol, "size": 5},
-        }
-        for label, rows, colour, symbol in kinds
-    ]
+    kinds = [("survivor", found.survivors, RANGE, "circle"), ("fall", found.falls, FALL, "x")]
+    data = []
+    for label, rows, colour, symbol in kinds:
+        shown = thinned_rows(found.drawn_rows(rows))
+        marker = {"color": colour, "symbol": symbol, "size": 5}
+        data.append(_trace(label, five_digits(shown[first]), shown[second], marker=marker))
     return Graph(data, _layout("Falls", found.sought.label(first), found.sought.label(second)))
+
+
+def _trace(name: str, x: list[Any], y: Any, **more: Any) -> dict[str, Any]:
+    """A curve, or marks, of that `name` in plotly's terms.
+
+    Args:
+        name: in the legend.
+        x: of its points (npoint), numbers or names.
+        y: of its points (npoint).
+        more: of plotly's keys.
+    """
+    return {"type": "scatter", "mode": "markers", "name": name, "x": x, "y": five_digits(y), **more}
 
 
 def _layout(title: str, x: str, y: str, scale: str = "linear") -> dict[str, Any]:
