@@ -50,39 +50,17 @@ if TYPE_CHECKING:
 
 __version__ = "0.2.0"
 
-_HOME = {
-    "metaid.api": (
-        "bodies",
-        "compare",
-        "evaluate",
-        "load_findings",
-        "lumps",
-        "model",
-        "objective",
-        "perturb",
-        "run",
-        "studies",
-        "summary",
-        "trials",
-        "validate",
-    ),
-    "metaid.errors": (
-        "EpisodeError",
-        "MetaidError",
-        "PlantError",
-        "RecordError",
-        "RenderError",
-        "StorageError",
-        "StudyError",
-    ),
-    "metaid.episode": ("Outcome",),
-    "metaid.excitation": ("excite",),
-    "metaid.plant": ("Plant", "load_plant"),
-    "metaid.recorded": ("Payload", "estimate"),
-    "metaid.study": ("NominalMetricSampler", "load_study"),
-}
 _MODULES = {"figures": "metaid.show.figures", "study": "metaid.study"}
-_MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
+_HOME = {  # of what is neither an error nor from `metaid.api`
+    "NominalMetricSampler": "metaid.study",
+    "Outcome": "metaid.episode",
+    "Payload": "metaid.recorded",
+    "Plant": "metaid.plant",
+    "estimate": "metaid.recorded",
+    "excite": "metaid.excitation",
+    "load_plant": "metaid.plant",
+    "load_study": "metaid.study",
+}
 
 __all__ = [
     "EpisodeError",
@@ -129,9 +107,10 @@ class CallableStudy(ModuleType):
 def __getattr__(name: str) -> Any:
     if name in _MODULES:
         return import_module(_MODULES[name])
-    if name in _MODULE_OF:
-        return getattr(import_module(_MODULE_OF[name]), name)
-    raise AttributeError(f"module 'metaid' has no attribute '{name}'")
+    if name not in __all__:
+        raise AttributeError(f"module 'metaid' has no attribute '{name}'")
+    home = "metaid.errors" if name.endswith("Error") else _HOME.get(name, "metaid.api")
+    return getattr(import_module(home), name)
 
 
 def __dir__() -> list[str]:
