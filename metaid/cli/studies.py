@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from metaid.cli.checks import describe_reached, share
+from metaid.cli.checks.until import describe_reached, share
 from metaid.cli.common import (
     Group,
     ask,
@@ -143,7 +143,7 @@ def check(source: str, storage: str, changes: tuple[str, ...], until: float | No
 
     STUDY is a shipped name, the path of a study file, or the name of a study in the DB.
     """
-    from metaid.cli.checks import print_check
+    from metaid.cli.checks.determined import print_check
     from metaid.study import problem_of, question, refuse_until, refuse_what_cannot_be_run
 
     spec = _stored(source, storage, changes) or load_study(source, changes)

@@ -13,7 +13,7 @@ from pandas.testing import assert_frame_equal
 
 from metaid import results
 from metaid.cli import app
-from metaid.cli.checks import describe_forecast, describe_reached
+from metaid.cli.checks.until import describe_forecast, describe_reached
 from metaid.errors import StudyError
 from metaid.models import DEVIATIONS, deviations_at_once
 from metaid.plant import FaultSettings
