@@ -10,6 +10,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -77,7 +78,7 @@ def _render(model: MjModel, poses: Array, camera: Camera, size: int) -> Iterator
         job = Path(folder) / "job.npz"
         write_job(job, model, poses, camera, size)
         for backend in [chosen] if chosen else BACKENDS:
-            with _Child(job, backend) as child:
+            with closing(_Child(job, backend)) as child:
                 frame = child.read(int(np.prod(shape)))
                 if frame is None:
                     complaints.append(f"{backend}: {child.complaint()}")
@@ -117,10 +118,8 @@ class _Child:
         lines = self._complaints.read().split("\n")
         return next((line.strip()[:160] for line in reversed(lines) if line.strip()), "ended without a word")
 
-    def __enter__(self) -> _Child:
-        return self
-
-    def __exit__(self, *_: object) -> None:
+    def close(self) -> None:
+        """Ends it."""
         self._process.kill()
         self._process.communicate()
         self._complaints.close()
