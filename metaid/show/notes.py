@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from metaid.results import RESULTS, Findings, describe_known_from, describe_trials, interval_name, shown_rows
@@ -13,6 +14,8 @@ CANDIDATES = {
     "rotors and friction that the torque depends on.",
 }
 SPRINGS = {"lump": "", "base parameter": ", or swings as on the springs that its law asks for"}
+FORMS = dict.fromkeys(("identified", "low", "high", "true", "error"), ".5g")  # of the numbers of a fault
+LUMP_FORMS = {"nominal": ".5g", **FORMS, "error": "+.3%"}
 SIGNED = "*This note is written by metaid. Take this line out to keep your own.*"
 
 
@@ -25,6 +28,8 @@ def note(found: Findings) -> str:
         companion = f"This study is long. The study *{name}* has its best trials, and others evenly spaced."
     else:
         companion = ""
+    faults = shown_rows(shown, "faults")
+    fault_table = f"\n{_table(faults, 'fault', FORMS)}\n" if faults else ""
     return f"""# {escaped(found.name)}
 
 {escaped(found.spec.study.description)}
@@ -40,8 +45,8 @@ they survived to, and their value ranks them behind every survivor.
 
 **Verdict: {shown["verdict"]}.** {escaped("; ".join(shown["reasons"]))}
 
-{_table(shown_rows(shown))}
-{_fault_table(shown_rows(shown, "faults"))}
+{_table(shown_rows(shown), "lump", LUMP_FORMS)}
+{fault_table}
 {_estimate(shown)}
 
 {SIGNED}
@@ -60,32 +65,15 @@ def _estimate(shown: dict[str, Any]) -> str:
     return f"{text} Here {describe_known_from(estimate, total)}." if estimate["explains"] else text
 
 
-def _table(lumps: list[dict[str, Any]]) -> str:
-    """A table of lumps in Markdown."""
-    return f"""| lump | nominal | identified | low | high | true | error | unit |
-| --- | ---: | ---: | ---: | ---: | ---: | ---: | --- |
-{chr(10).join(_row(lump) for lump in lumps)}"""
-
-
-def _row(lump: dict[str, Any]) -> str:
-    cells = [lump[key] for key in ("nominal", "identified", "low", "high", "true")]
-    numbers = ["–" if cell is None else f"{cell:.5g}" for cell in cells]
-    error = "–" if lump["error"] is None else f"{lump['error']:+.3%}"
-    return f"| `{lump['name']}` | {' | '.join(numbers)} | {error} | {lump['unit']} |"
-
-
-def _fault_table(faults: list[dict[str, Any]]) -> str:
-    """A table in Markdown of the faults that were searched beside the lumps; nothing where none was."""
-    if not faults:
-        return ""
-    rows = []
-    for fault in faults:
-        cells = [fault[key] for key in ("identified", "low", "high", "true", "error")]
-        numbers = ["–" if cell is None else f"{cell:.5g}" for cell in cells]
-        rows.append(f"| `{fault['name']}` | {' | '.join(numbers)} | {fault['unit']} |")
-    head = """| fault | identified | low | high | true | error | unit |
-| --- | ---: | ---: | ---: | ---: | ---: | --- |"""
-    return "\n".join(["", head, *rows, ""])
+def _table(rows: list[dict[str, Any]], what: str, forms: Mapping[str, str]) -> str:
+    """A table of lumps or of faults in Markdown, `what` the heading of their names, with a column for each of their
+    numbers of which `forms` says how it is written.
+    """
+    lines = [f"| {' | '.join((what, *forms, 'unit'))} |", f"| --- |{' ---: |' * len(forms)} --- |"]
+    for row in rows:
+        numbers = ["–" if row[key] is None else format(row[key], form) for key, form in forms.items()]
+        lines.append(f"| `{row['name']}` | {' | '.join(numbers)} | {row['unit']} |")
+    return "\n".join(lines)
 
 
 def escaped(text: str) -> str:
