@@ -69,16 +69,11 @@ storage_option = click.option(
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 
 
-@contextlib.contextmanager
-def open_store(storage: str, create: bool = False) -> Iterator[Store]:
+def open_store(storage: str, create: bool = False) -> contextlib.closing[Store]:
     """The study DB at `storage`, closed afterwards."""
     from metaid.store import Store
 
-    store = Store(storage, create)
-    try:
-        yield store
-    finally:
-        store.close()
+    return contextlib.closing(Store(storage, create))
 
 
 def pairs(given: Sequence[str], option: str) -> dict[str, str]:
