@@ -8,12 +8,11 @@ from metaid.exporting.dynamics import Dynamics, arm_dynamics, chain_dynamics
 from metaid.exporting.identified import SUFFIXES, IdentifiedModel
 from metaid.exporting.laws import ArmLaw
 from metaid.exporting.reading_back import FileTorques, file_torques
-from metaid.exporting.xml_files import Couple, couples_of, mjcf, not_in_urdf, not_in_xml, urdf
+from metaid.exporting.xml_files import couples_of, mjcf, not_in_urdf, not_in_xml, urdf
 
 __all__ = [
     "SUFFIXES",
     "ArmLaw",
-    "Couple",
     "Dynamics",
     "FileTorques",
     "IdentifiedModel",

@@ -35,7 +35,6 @@ VALUES = "cividis"  # of frequencies: even in lightness, and the same for most e
 # The same for lines, seen on white and on black: neither end of cividis is.
 LINE_VALUES = LinearSegmentedColormap.from_list("line values", (COLOURS[0], "#8f8f96", COLOURS[4]))
 MANY = 600  # marks; more are drawn as pixels inside a vector file
-SUFFIXES = (".png", ".svg", ".pdf")
 DPI = 200  # of pixels in any file
 COLUMN, PAGE = 3.5, 7.0  # inches: one column of a journal, and two
 
