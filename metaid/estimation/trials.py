@@ -143,6 +143,22 @@ class ReadTrial:
         return 0 if self.start_spread is None else len(self.start_spread) * self.start_spread.shape[-1]
 
 
+def started(trial: ReadTrial, whitened: Array, is_moved: bool = True) -> Array:
+    """Joint coordinates and speeds at the start of each push (npush x 2 x njoint), and where the plant moves
+    continuously the shares with which dry friction begins (npush x 3 x njoint): those it was to have and, where it
+    `is_moved`, L u, u being `whitened` (npush x nextra).
+    """
+    poses = np.zeros_like(trial.start_speeds) if trial.poses is None else trial.poses
+    shares = [BUILT_UP * np.sign(trial.start_speeds)] if trial.is_continuous else []
+    starts = np.stack([poses, trial.start_speeds, *shares], axis=1)
+    if trial.start_spread is None or not is_moved:
+        return starts
+    moved = np.einsum("pij,pj->pi", trial.start_spread, whitened)
+    flat = starts.reshape(len(starts), -1)
+    flat[:, flat.shape[1] - moved.shape[1] :] += moved
+    return flat.reshape(starts.shape)
+
+
 class Further(NamedTuple):
     """What is unknown beside a robot's parameters: `torques` (npush x nstep x njoint x ntorque), in N m or N, that act
     for one of each of the first; and what `joints` have for one of each of the others, the first axis; None for none.

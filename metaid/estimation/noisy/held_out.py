@@ -20,13 +20,12 @@ from metaid.estimation.noisy.innovations import Innovations
 from metaid.estimation.noisy.polynomials import explained_by_noise
 from metaid.estimation.noisy.readings import Readings
 from metaid.estimation.noisy.torque_noise import PUSHES, likeliest_noise
-from metaid.estimation.noisy.windows import ReadingsInWindows
 from metaid.models import Array
 
 PARTS = 3  # of the pushes, each of which is left out once
 ROUNDS = 4  # Gauss-Newton steps of what concerns a push alone
 
-Compared = TypeVar("Compared", bound=ReadingsInWindows)
+Compared = TypeVar("Compared", bound=Readings)
 
 
 def hold_out(
@@ -124,7 +123,7 @@ def only_pushes(compared: Compared, pushes: NDArray[np.bool_]) -> Compared:
     return replace(compared, trials=trials)
 
 
-def squares_of(compared: ReadingsInWindows, unknowns: Array) -> tuple[float, int]:
+def squares_of(compared: Readings, unknowns: Array) -> tuple[float, int]:
     """The least sum of squares of the residuals at these `unknowns` (nunknown), what concerns a push alone being where
     it serves best, and how many residuals there are; inf where the twin cannot follow.
     """

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.estimation.noisy.readings import Readings, started
-from metaid.estimation.trials import Filtered, Gains
+from metaid.estimation.noisy.readings import Readings
+from metaid.estimation.trials import Filtered, Gains, started
 from metaid.estimation.twin import Filter
 from metaid.models import Array
 

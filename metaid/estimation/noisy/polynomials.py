@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
 from metaid.episode import window_ends
+from metaid.estimation.descent import Residuals
 from metaid.models import Array
 
 POLYNOMIALS = 6  # of a joint's angles in a window: what an arm or a chain that nearly coasts shows in it
@@ -18,25 +21,35 @@ STRIDE = 4  # windows are twice as long as those so many before
 # deviations of chance.
 ROUGH_NOISE, CHANCE = 1.1, 4.0
 
+# Residuals of a trial (npush x nvalue), scaled by the noise, joint by joint, and their derivatives (npush x nvalue x
+# nunknown + nextra), those by what a push alone has last; zeros where a push was not seen.
+Compared = tuple[Array, Array]
 
-@lru_cache(maxsize=64)
-def polynomial_windows(steps: int, polynomials: int, shortest: float) -> tuple[NDArray[np.int64], Array]:
+
+class PolynomialWindows(NamedTuple):
     """The steps (nwindow) at which windows end, and polynomials that are orthonormal on the readings of each (nwindow x
     nstep + 1 x ncoefficient).
-
-    Args:
-        steps: of the horizon.
-        polynomials: how many of them.
-        shortest: the first window, as a share of the horizon.
     """
-    count = 1 + round(-STRIDE * np.log2(shortest))
-    ends = np.array(window_ends(steps, count, shortest))
-    ends = ends[ends >= min(polynomials, ends[-1])]
-    basis = np.zeros((len(ends), ends[-1] + 1, min(polynomials, ends[0] + 1)))
+
+    ends: NDArray[np.int64]
+    basis: Array
+
+    def are_reached(self, steps: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Which pushes were seen to the end of the shortest window (npush), by how many `steps` each was seen."""
+        return np.asarray(steps >= self.ends[0])
+
+
+@lru_cache(maxsize=64)
+def polynomial_windows(steps: int) -> PolynomialWindows:
+    """Those of a horizon of so many `steps`, in POLYNOMIALS from the SHORTEST on."""
+    count = 1 + round(-STRIDE * np.log2(SHORTEST))
+    ends = np.array(window_ends(steps, count, SHORTEST))
+    ends = ends[ends >= min(POLYNOMIALS, ends[-1])]
+    basis = np.zeros((len(ends), ends[-1] + 1, min(POLYNOMIALS, ends[0] + 1)))
     for window, end in enumerate(ends):
         times = np.linspace(-1.0, 1.0, end + 1)
         basis[window, : end + 1] = np.linalg.qr(legendre.legvander(times, basis.shape[2] - 1))[0]
-    return ends, basis
+    return PolynomialWindows(ends, basis)
 
 
 def explained_by_noise(count: int) -> float:
@@ -76,3 +89,24 @@ def eliminate(values: Array, slopes: Array, whitened: Array, count: int) -> tupl
     following = -np.concatenate([above[..., -1:], above[..., :-1]], axis=-1)
     below = reduced[:, speeds:, speeds:].reshape(-1, count + 1)
     return below[:, -1], below[:, :-1], following.reshape(-1, 1 + count)
+
+
+def eliminated(compared: Compared, whitened: Array, pushes: int) -> Residuals:
+    """The residuals of a trial of which so many `pushes` were seen, by what was `compared`; what each push has alone,
+    `whitened` (npush x nextra), where it serves best.
+    """
+    values, slopes = compared
+    cost = 0.5 * float((values**2).sum() + (whitened**2).sum())
+    left, by_unknowns, following = eliminate(values, slopes, whitened, slopes.shape[2] - whitened.shape[1])
+    return Residuals(left, by_unknowns, cost, pushes * values.shape[1], following)
+
+
+def together(trials: Sequence[Residuals]) -> Residuals:
+    """Those of all `trials`."""
+    return Residuals(
+        np.concatenate([each.values for each in trials]),
+        np.concatenate([each.slopes for each in trials]),
+        sum(each.cost for each in trials),
+        sum(each.count for each in trials),
+        np.concatenate([each.following for each in trials]),
+    )

@@ -1,23 +1,35 @@
 """What a fit compares on a noisy plant: the readings of each push, against a twin that is driven by what was commanded
 and whose start speeds are unknown within what pushes differ by.
+
+Compared are coefficients in polynomials, on windows that grow. What is unknown of each push alone is eliminated.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from metaid.compiled import share_out
 from metaid.estimation.descent import Residuals
 from metaid.estimation.faults import NO_FAULTS, SearchedFaults
-from metaid.estimation.noisy.polynomials import before
+from metaid.estimation.noisy.polynomials import (
+    POLYNOMIALS,
+    STRIDE,
+    Compared,
+    PolynomialWindows,
+    before,
+    eliminated,
+    explained_by_noise,
+    polynomial_windows,
+    together,
+)
 from metaid.estimation.noisy.smoothed import smoothed
-from metaid.estimation.noisy.windows import Compared, ReadingsInWindows
 from metaid.estimation.trials import (
-    BUILT_UP,
     NOTHING_FURTHER,
     Coefficients,
     Driven,
@@ -26,6 +38,7 @@ from metaid.estimation.trials import (
     Joints,
     ReadTrial,
     Replay,
+    started,
 )
 from metaid.estimation.twin import Twin, twin_of
 from metaid.estimation.unknowns import Unknowns
@@ -33,19 +46,92 @@ from metaid.models import Array
 
 DRAWN = 100  # readings of a push that a replay keeps
 
+Seen = TypeVar("Seen")
+
 
 @dataclass(frozen=True, eq=False)
-class Readings(ReadingsInWindows):
-    """All `trials` of a noisy study. The unknowns of all pushes are those of the robot, and behind them the `faults`
-    that are searched.
+class Readings:
+    """All `trials` of a noisy study, in polynomials on windows that grow (Eq. 33). The unknowns of all pushes are those
+    of the robot, and behind them the `faults` that are searched.
     """
 
+    trials: Sequence[ReadTrial]
+    unknowns: Unknowns
     faults: SearchedFaults = field(default=NO_FAULTS, kw_only=True)
+
+    def __post_init__(self) -> None:
+        if not any(windows.are_reached(trial.steps).any() for trial, windows in self._each):
+            raise ValueError("no push of any trial was seen to the end of its shortest window: nothing to compare")
 
     @property
     def spreads(self) -> Array:
         """Of the log factors and the faults (nunknown), beforehand."""
-        return np.append(super().spreads, np.ones(len(self.faults.names)))
+        own = np.full(len(self.unknowns.names), self.unknowns.spread)
+        return np.append(own, np.ones(len(self.faults.names)))
+
+    @property
+    def stages(self) -> int:
+        """How many windows there are."""
+        return max(len(windows.ends) for windows in self._windows)
+
+    @property
+    def rough_stages(self) -> int:
+        """All but the last."""
+        return self.stages - 1
+
+    @property
+    def stride(self) -> int:
+        """Windows grow to twice their length at once, where that leads nowhere by less."""
+        return STRIDE
+
+    @property
+    def ends_when_cut(self) -> bool:
+        """Whether a descent ends with a short step though it was cut, for longer windows may lead on."""
+        return self.unknowns.ends_when_cut
+
+    @property
+    def least_gain(self) -> float:
+        """Of cost; a step that promises less is not made."""
+        return self.unknowns.least_gain
+
+    @property
+    def explained_below(self) -> float:
+        """A misfit below this is explained by noise."""
+        pushes = sum(int(np.count_nonzero(windows.are_reached(trial.steps))) for trial, windows in self._each)
+        return explained_by_noise(pushes * POLYNOMIALS * self.trials[0].torques.shape[2])
+
+    @property
+    def extras(self) -> int:
+        """How many unknowns concern one push alone: start speeds, and coordinates."""
+        return sum(trial.extras for trial in self.trials)
+
+    @property
+    def is_led(self) -> bool:
+        """Whether the readings set the twin right."""
+        return False
+
+    @property
+    def _each(self) -> Iterator[tuple[ReadTrial, PolynomialWindows]]:
+        """Each trial with its windows."""
+        return zip(self.trials, self._windows, strict=True)
+
+    @cached_property
+    def _windows(self) -> list[PolynomialWindows]:
+        """Those of each trial."""
+        return [polynomial_windows(trial.torques.shape[1]) for trial in self.trials]
+
+    def residuals(self, point: Array, windows: int) -> Residuals | None:
+        """Those of the longest of the first `windows` windows, what a push alone has eliminated push by push."""
+        return self._eliminated(point, windows, self._compare)
+
+    def residuals_alone(self, point: Array) -> Residuals | None:
+        """Those on all windows where nothing is unknown but what a push alone has."""
+
+        def _compared(number: int, unknowns: Array, whitened: Array, windows: int) -> Compared | None:
+            log_factors, faults = self._parted(unknowns)
+            return self._alone(log_factors)._compare(number, faults, whitened, windows, by_faults=False)
+
+        return self._eliminated(point, self.stages, _compared)
 
     def residuals_with(
         self, point: Array, torques: Sequence[Array], moved: Sequence[Unknowns] = ()
@@ -56,7 +142,7 @@ class Readings(ReadingsInWindows):
         """
 
         def _compared(number: int, unknowns: Array, whitened: Array, windows: int) -> Compared | None:
-            compared = self._watch(number, unknowns, whitened, windows, True, torques[number])
+            compared = self._compare(number, unknowns, whitened, windows, torques[number])
             beside = None if compared is None else self._compare_moved(number, unknowns, whitened, compared[0], moved)
             if compared is None or beside is None:
                 return None
@@ -64,24 +150,31 @@ class Readings(ReadingsInWindows):
             count = len(unknowns) + len(torques[number])
             return values, np.concatenate([slopes[..., :count], beside, slopes[..., count:]], axis=-1)
 
-        return self._eliminated(point, self.stages, _compared, len(self.spreads) + len(torques[0]) + len(moved))
+        return self._eliminated(point, self.stages, _compared)
 
     def least_cost(self, point: Array, windows: int) -> float:
         """All of it, by the twin without derivatives."""
 
         def cost(number: int) -> float | None:
-            unknowns, whitened = self._of_trial(number, point)
-            log_factors, faults = self._parted(unknowns)
-            values = self._alone(log_factors)._shown(number, faults, whitened, windows)
+            values, (_, whitened) = self._values(number, point, windows), self._of_trial(number, point)
             return None if values is None else 0.5 * float((values**2).sum() + (whitened**2).sum())
 
         costs = self._of_each(cost)
         return np.inf if costs is None else sum(costs)
 
-    @property
-    def is_led(self) -> bool:
-        """Whether the readings set the twin right."""
-        return False
+    def by_joint(self, point: Array) -> tuple[Array, ...]:
+        """Root mean square of the residuals of each trial (npush x njoint) on the longest window seen, scaled by the
+        noise; NaN where a push was not seen.
+        """
+        tables = []
+        for number, (trial, windows) in enumerate(self._each):
+            values = self._values(number, point, self.stages)
+            table = np.full(trial.torques.shape[::2], np.nan)
+            if values is not None:
+                seen = windows.are_reached(trial.steps)
+                table[seen] = np.sqrt((values.reshape(*table.shape, -1)[seen] ** 2).mean(axis=-1))
+            tables.append(table)
+        return tuple(tables)
 
     def motion(self, number: int) -> tuple[Array, Array]:
         """Angles, in rad, and speeds, in rad/s, of the joints at each step of a trial (npush x nstep x njoint), as far
@@ -94,7 +187,7 @@ class Readings(ReadingsInWindows):
         trial, (unknowns, whitened) = self.trials[number], self._of_trial(number, point)
         log_factors, faults = self._parted(unknowns)
         starts = started(trial, whitened)
-        (npush, nreading, _), last = trial.readings.shape, self._windows[number][0][-1]
+        (npush, nreading, _), last = trial.readings.shape, self._windows[number].ends[-1]
         kept = np.unique(np.linspace(0, last, min(last, DRAWN) + 1).round().astype(int))
         basis = np.zeros((nreading, len(kept)))
         basis[kept, np.arange(len(kept))] = 1.0  # each coefficient is the angle at one reading
@@ -109,25 +202,26 @@ class Readings(ReadingsInWindows):
             simulated[shown] = motion.values.swapaxes(1, 2)[shown]
         return Replay(trial.timestep * trial.substeps * kept, seen, simulated, trial.noise, self.unknowns.joints)
 
-    def _compare(self, number: int, unknowns: Array, whitened: Array, windows: int) -> Compared | None:
-        """What a trial shows; derivatives by the `whitened` start speeds are the last."""
-        return self._watch(number, unknowns, whitened, windows, True)
-
-    def _compare_alone(self, number: int, unknowns: Array, whitened: Array, windows: int) -> Compared | None:
-        log_factors, faults = self._parted(unknowns)
-        return self._alone(log_factors)._watch(number, faults, whitened, windows)
-
-    def _watch(
+    def _compare(
         self,
         number: int,
         unknowns: Array,
         whitened: Array,
         windows: int,
-        by_faults: bool = False,
         torques: Array | None = None,
+        by_faults: bool = True,
     ) -> Compared | None:
-        """What a trial shows, with derivatives `by_faults`, too, and by the sizes of further `torques` (ntorque x npush
-        x nstep x njoint) behind these.
+        """The trial of that `number` on the longest of the first `windows` windows of each push; None where the twin
+        cannot follow.
+
+        Args:
+            number: of the trial.
+            unknowns: of all pushes (nunknown).
+            whitened: what each push has alone (npush x nextra), scaled by its spread; derivatives by it are the last.
+            windows: of which the longest is compared.
+            torques: further ones (ntorque x npush x nstep x njoint), whose sizes are unknown, too: derivatives by them
+                are behind those by the unknowns.
+            by_faults: whether there are derivatives by the faults among the unknowns.
         """
         log_factors, faults = self._parted(unknowns)
         trial = self._delivered(self.trials[number], faults)
@@ -161,6 +255,14 @@ class Readings(ReadingsInWindows):
             further = further._replace(torques=np.concatenate([own, np.moveaxis(torques, 0, -1)], axis=-1))
         first = np.flatnonzero(np.append(is_of_torque, np.ones(more, dtype=np.bool_)))
         return further, np.argsort(np.concatenate([first, np.flatnonzero(~is_of_torque)]))
+
+    def _values(self, number: int, point: Array, windows: int) -> Array | None:
+        """What a trial shows at a `point` on the longest of the first `windows` windows (npush x nvalue), without
+        derivatives; None where the twin cannot follow.
+        """
+        unknowns, whitened = self._of_trial(number, point)
+        log_factors, faults = self._parted(unknowns)
+        return self._alone(log_factors)._shown(number, faults, whitened, windows)
 
     def _shown(self, number: int, faults: Array, whitened: Array, windows: int) -> Array | None:
         """What a robot of which nothing is unknown shows in a trial (npush x nvalue), or None: its twin cannot follow.
@@ -198,7 +300,7 @@ class Readings(ReadingsInWindows):
             joints: what they have beside the lumps; None for nothing.
             further: what is unknown beside them.
         """
-        (chosen, steps), (_, basis) = self._longest(number, windows), self._windows[number]
+        (chosen, steps), basis = self._longest(number, windows), self._windows[number].basis
         driven = Driven(trial, starts, steps, basis[chosen], further)
         led = self._gains(number)
         twin = self._twin(log_factors).drive(driven, joints, led=led)
@@ -207,6 +309,14 @@ class Readings(ReadingsInWindows):
         plants = np.einsum("ptk,ptj->pjk", basis[chosen], trial.readings * before(steps, trial.readings.shape[1]))
         unit = 1.0 / trial.noise[None, :, None]
         return Coefficients(unit * (twin.values - plants), unit[..., None] * twin.slopes)
+
+    def _longest(self, number: int, windows: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Which of the first `windows` windows is the longest that was seen of each push of a trial (npush), -1 where
+        none was, and its steps (npush).
+        """
+        steps, ends = self.trials[number].steps, self._windows[number].ends
+        chosen = np.minimum((ends[None] <= steps[:, None]).sum(axis=1), windows) - 1
+        return chosen, np.where(chosen >= 0, ends[chosen], 0)
 
     def _gains(self, number: int) -> Gains | None:
         """Of the filter that leads the twin through a trial; None where nothing does."""
@@ -220,6 +330,12 @@ class Readings(ReadingsInWindows):
     def _only_twin(self) -> Twin:
         """The robot of which nothing is unknown."""
         return twin_of(self.unknowns, np.empty(0))
+
+    def _of_trial(self, number: int, point: Array) -> tuple[Array, Array]:
+        """The unknowns (nunknown) at a `point`, and what each push of a trial has alone (npush x nextra)."""
+        count, trial = len(self.spreads), self.trials[number]
+        first = count + sum(each.extras for each in self.trials[:number])
+        return point[:count], point[first : first + trial.extras].reshape(len(trial.steps), -1)
 
     def _parted(self, unknowns: Array) -> tuple[Array, Array]:
         """The unknowns of the robot (nunknown) and the faults (nfault) among the `unknowns` of all pushes."""
@@ -254,18 +370,30 @@ class Readings(ReadingsInWindows):
             changes[..., column] = shown - values
         return changes
 
+    def _eliminated(
+        self, point: Array, windows: int, compare: Callable[[int, Array, Array, int], Compared | None]
+    ) -> Residuals | None:
+        """The residuals of all trials by what `compare` finds of each."""
 
-def started(trial: ReadTrial, whitened: Array, is_moved: bool = True) -> Array:
-    """Joint coordinates and speeds at the start of each push (npush x 2 x njoint), and where the plant moves
-    continuously the shares with which dry friction begins (npush x 3 x njoint): those it was to have and, where it
-    `is_moved`, L u, u being `whitened` (npush x nextra).
-    """
-    poses = np.zeros_like(trial.start_speeds) if trial.poses is None else trial.poses
-    shares = [BUILT_UP * np.sign(trial.start_speeds)] if trial.is_continuous else []
-    starts = np.stack([poses, trial.start_speeds, *shares], axis=1)
-    if trial.start_spread is None or not is_moved:
-        return starts
-    moved = np.einsum("pij,pj->pi", trial.start_spread, whitened)
-    flat = starts.reshape(len(starts), -1)
-    flat[:, flat.shape[1] - moved.shape[1] :] += moved
-    return flat.reshape(starts.shape)
+        def of_one(number: int) -> Residuals | None:
+            unknowns, whitened = self._of_trial(number, point)
+            compared = compare(number, unknowns, whitened, windows)
+            if compared is None:
+                return None
+            reached = self._windows[number].are_reached(self.trials[number].steps)
+            return eliminated(compared, whitened, int(np.count_nonzero(reached)))
+
+        parts = self._of_each(of_one)
+        return None if parts is None else together(parts)
+
+    def _of_each(self, look: Callable[[int], Seen | None]) -> list[Seen] | None:
+        """What `look` finds of each trial, by its number, on several threads; None where it finds nothing of one."""
+        found: list[Seen | None] = [None] * len(self.trials)
+
+        def run(numbers: Iterator[int]) -> None:
+            for number in numbers:
+                found[number] = look(number)
+
+        share_out(run, len(found), sum(trial.torques.size for trial in self.trials) * len(self.spreads))
+        every = [each for each in found if each is not None]
+        return every if len(every) == len(found) else None
