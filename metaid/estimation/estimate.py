@@ -5,22 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 import numpy as np
 
-from metaid.estimation.faults import FoundFaults, SearchedFaults, found_faults
+from metaid.estimation.faults import FoundFaults, found_faults
 from metaid.estimation.fit import Fit, Growing, find, refine
 from metaid.models import COARSEST, DEVIATIONS, Array, Lumps, half_width, mass_matrix
-
-
-class Comparison(Growing, Protocol):
-    """What is compared: motions of a plant without noise, or `Readings` of noisy sensors."""
-
-    @property
-    def faults(self) -> SearchedFaults:
-        """The faults that are unknown beside them."""
-
 
 POSES = 64  # at which a mass matrix is looked at
 
@@ -254,7 +245,7 @@ def lengths_of(lumps: Lumps) -> Array:
 
 
 def fit(
-    comparison: Comparison,
+    comparison: Growing,
     start: Array | None = None,
     restarts: int = 3,
     seed: int = 0,
@@ -289,7 +280,7 @@ def fit(
     return comparison.unknowns.estimated(vars(found) | own)
 
 
-def begun(comparison: Comparison, start: Array | None) -> Array | None:
+def begun(comparison: Growing, start: Array | None) -> Array | None:
     """Where a fit begins (nunknown): at the `start` if there is one, else where fits to such a robot do, without
     faults; None for the nominal model.
     """

@@ -6,11 +6,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 
 from metaid.estimation.descent import Descent, Fitted, covariance_at, descend, place_at
+from metaid.estimation.faults import SearchedFaults
 from metaid.estimation.unknowns import Unknowns
 from metaid.models import Array
 
@@ -24,23 +25,23 @@ DRAWS = 20
 
 
 class Growing(Fitted, Protocol):
-    """What is compared with a twin, on windows that grow."""
+    """What is compared with a twin, on windows that grow by `stride` at once, a power of two: motions of a plant
+    without noise, or `Readings` of noisy sensors.
+    """
+
+    stride: ClassVar[int]
 
     @property
     def unknowns(self) -> Unknowns:
         """What is unknown of the robot."""
 
     @property
+    def faults(self) -> SearchedFaults:
+        """The faults that are unknown beside them."""
+
+    @property
     def rough_stages(self) -> int:
         """How many of the first stages lead on to longer windows, so that a rough fit is enough."""
-
-    @property
-    def stride(self) -> int:
-        """By how many windows the fit goes on at once, a power of two."""
-
-    @property
-    def ends_when_cut(self) -> bool:
-        """Whether a descent ends with a short step though it was cut, for longer windows may lead on."""
 
     @property
     def least_gain(self) -> float:
@@ -198,7 +199,8 @@ def _descent(comparison: Growing, point: Array, windows: int, most: int = MOST_E
         return None
     grows = windows <= comparison.rough_stages
     tolerance, most = (ROUGHLY, MOST_ROUGH) if grows else (EXACTLY, most)
-    return descend(comparison, place, windows, tolerance, most, comparison.ends_when_cut, comparison.least_gain)
+    ends_when_cut, least_gain = comparison.unknowns.ends_when_cut, comparison.least_gain
+    return descend(comparison, place, windows, tolerance, most, ends_when_cut, least_gain)
 
 
 def misfit(found: Descent) -> float:

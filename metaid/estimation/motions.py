@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,8 @@ class WatchedTrials:
     trials: Sequence[WatchedTrial]
     unknowns: Unknowns
 
+    extras: ClassVar[int] = 0  # what the speeds were right after a push is read
+
     @property
     def spreads(self) -> Array:
         """Of the unknowns (nunknown), beforehand."""
@@ -41,20 +43,9 @@ class WatchedTrials:
         """How many windows the longest trial has."""
         return max(len(trial.ends) for trial in self.trials)
 
-    @property
-    def rough_stages(self) -> int:
-        """All but those of the longest windows."""
-        return max(len(trial.ends) for trial in self.trials) - 1
-
-    @property
-    def faults(self) -> SearchedFaults:
-        """None: they are searched in readings."""
-        return NO_FAULTS
-
-    @property
-    def extras(self) -> int:
-        """None: what the speeds were right after a push is read."""
-        return 0
+    def least_cost(self, point: Array, windows: int) -> float:
+        """0: nothing less than the residuals tells it."""
+        return 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,38 +58,24 @@ class Motions(WatchedTrials):
 
     compared: Quantity = "speed"
 
+    faults: ClassVar[SearchedFaults] = NO_FAULTS  # they are searched in readings
+    stride: ClassVar[int] = 1  # windows grow one by one
+    least_gain: ClassVar[float] = NOTHING  # what rounding leaves
+    explained_below: ClassVar[float] = EXPLAINED
+
     def __post_init__(self) -> None:
         if not self.trials or not any(trial.windows.seen.any() for trial in self.trials):
             raise ValueError("no push of any trial was seen to the end of its shortest window: nothing to compare")
 
     @property
+    def rough_stages(self) -> int:
+        """All but those of the longest windows."""
+        return super().stages - 1
+
+    @property
     def stages(self) -> int:
         """A last one is of all pushes, where a share of them leads there."""
-        return self.rough_stages + 1 + (self._stride > 1)
-
-    @property
-    def stride(self) -> int:
-        """Windows grow one by one."""
-        return 1
-
-    @property
-    def ends_when_cut(self) -> bool:
-        """Whether longer windows lead such a robot on."""
-        return self.unknowns.ends_when_cut
-
-    @property
-    def least_gain(self) -> float:
-        """What rounding leaves."""
-        return NOTHING
-
-    @property
-    def explained_below(self) -> float:
-        """A misfit below this is rounding."""
-        return EXPLAINED
-
-    def least_cost(self, point: Array, windows: int) -> float:
-        """0: the speeds are most of the work."""
-        return 0.0
+        return super().stages + (self._stride > 1)
 
     def residuals(self, point: Array, windows: int) -> Residuals | None:
         """Those of the first `windows` windows, or None where the twin did not get through them. While these are to

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,13 +27,11 @@ class Innovations(Readings):
     gains: tuple[Gains, ...] = field(default=(), kw_only=True)
     least_gain: float = field(default=NOTHING, kw_only=True)
 
+    is_led: ClassVar[bool] = True
+
     @property
     def stages(self) -> int:
         return 1
-
-    @property
-    def is_led(self) -> bool:
-        return True
 
     def _longest(self, number: int, windows: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         return super()._longest(number, super().stages)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TypeVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,6 +59,9 @@ class Readings:
     unknowns: Unknowns
     faults: SearchedFaults = field(default=NO_FAULTS, kw_only=True)
 
+    stride: ClassVar[int] = STRIDE  # windows grow to twice their length at once, where that leads nowhere by less
+    is_led: ClassVar[bool] = False  # whether the readings set the twin right
+
     def __post_init__(self) -> None:
         if not any(windows.are_reached(trial.steps).any() for trial, windows in self._each):
             raise ValueError("no push of any trial was seen to the end of its shortest window: nothing to compare")
@@ -80,16 +83,6 @@ class Readings:
         return self.stages - 1
 
     @property
-    def stride(self) -> int:
-        """Windows grow to twice their length at once, where that leads nowhere by less."""
-        return STRIDE
-
-    @property
-    def ends_when_cut(self) -> bool:
-        """Whether a descent ends with a short step though it was cut, for longer windows may lead on."""
-        return self.unknowns.ends_when_cut
-
-    @property
     def least_gain(self) -> float:
         """Of cost; a step that promises less is not made."""
         return self.unknowns.least_gain
@@ -104,11 +97,6 @@ class Readings:
     def extras(self) -> int:
         """How many unknowns concern one push alone: start speeds, and coordinates."""
         return sum(trial.extras for trial in self.trials)
-
-    @property
-    def is_led(self) -> bool:
-        """Whether the readings set the twin right."""
-        return False
 
     @property
     def _each(self) -> Iterator[tuple[ReadTrial, PolynomialWindows]]:

@@ -87,10 +87,6 @@ class Counts(WatchedTrials):
             parts.append(_beside(trial, shown, seen))
         return Counted(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
-    def least_cost(self, log_factors: Array, windows: int) -> float:
-        """0: nothing less tells it."""
-        return 0.0
-
     def residuals(self, log_factors: Array, windows: int) -> Residuals | None:
         """Those of the first `windows` windows, or None where the twin did not get through them."""
         counted = self.counted(log_factors, windows)
