@@ -10,7 +10,8 @@ from chain_studies import random_chain
 
 from metaid.compiled import CompiledLoop, FaultyLoop, fastest_step
 from metaid.episode import RICH_FALL_LIMIT, Episode, FallRule, natural_time, rich_pushes, window_ends
-from metaid.estimation import LogUnknowns, ReadTrial, WatchedTrial, commanded_torques, filtered_speeds, upright
+from metaid.estimation import ChainLaws, LogUnknowns, ReadTrial, WatchedTrial, upright
+from metaid.estimation.noisy.loop import filtered_speeds
 from metaid.models import Array, Chain, Lumps
 from metaid.plant import FaultSettings, MujocoPlant, PlantSettings, Start, chain_of, slope_weights
 
@@ -43,7 +44,7 @@ class Watched:
         for push, angles in enumerate(kept):
             readings[push, : len(angles)], steps[push] = angles, len(angles) - 1
         speeds = filtered_speeds(readings, self.starts, slope_weights(TIMESTEP))
-        torques = commanded_torques(law, readings, speeds, GRAVITY)
+        torques = ChainLaws(self.nominal.lumps, GRAVITY).commanded(law, readings, speeds)
         spread = None
         if faults.push_noise:
             response = np.array([self.plant.start_speeds(Start.upright(impulse)) for impulse in np.eye(njoint)]).T

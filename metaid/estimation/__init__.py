@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from metaid.estimation.experiment import Experiment, SeenTrial
     from metaid.estimation.laws import ArmLaws, ChainLaws
     from metaid.estimation.motions import Motions, Quantity, WatchedTrials
-    from metaid.estimation.noisy import Loop, Readings, ReadTrial, commanded_torques, filtered_speeds
+    from metaid.estimation.noisy import Loop, Readings, ReadTrial
 
 __all__ = [
     "FARTHEST",
@@ -73,10 +73,8 @@ __all__ = [
     "Unmodelled",
     "WatchedTrial",
     "WatchedTrials",
-    "commanded_torques",
     "count_crossings",
     "descend",
-    "filtered_speeds",
     "fit",
     "place_at",
     "searched_faults",
@@ -84,7 +82,7 @@ __all__ = [
     "upright",
 ]
 _LOADS_NUMBA = dict.fromkeys(("Motions", "Quantity", "WatchedTrials"), "motions")
-_LOADS_NUMBA |= dict.fromkeys(("Loop", "Readings", "ReadTrial", "commanded_torques", "filtered_speeds"), "noisy")
+_LOADS_NUMBA |= dict.fromkeys(("Loop", "Readings", "ReadTrial"), "noisy")
 _LOADS_NUMBA |= dict.fromkeys(("Experiment", "SeenTrial"), "experiment")
 _LOADS_NUMBA |= dict.fromkeys(("MISS", "TOP", "Counters", "count_crossings"), "crossings")
 _LOADS_NUMBA |= dict.fromkeys(("ArmLaws", "ChainLaws"), "laws")

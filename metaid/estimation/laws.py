@@ -11,8 +11,7 @@ from metaid.compiled.spatial import commanded_arm_torques
 from metaid.episode import Episode
 from metaid.estimation.base_unknowns import ArmEstimate, BaseUnknowns
 from metaid.estimation.estimate import Estimate
-from metaid.estimation.noisy import commanded_torques
-from metaid.models import Array, Lumps
+from metaid.models import Array, Lumps, compensation_torque
 
 OVER_COMPENSATED = 1.5  # factor of the gravity lumps in the first law, of those that the search starts from
 PROBED = 1.6, 2.6  # factors of the gravity lumps in a probe, drawn at random
@@ -36,7 +35,7 @@ class Laws(Protocol):
 
     def commanded(self, law: Any, angles: Array, speeds: Array, /) -> Array:
         """The joint torques (npush x nstep x njoint), in N m, that a `law` makes of what it acted on: joint coordinates
-        and speeds (npush x nstep + 1 x njoint each).
+        and speeds (npush x nstep + 1 x njoint each). None follows from the last.
         """
 
 
@@ -63,7 +62,7 @@ class ChainLaws:
         return factors
 
     def commanded(self, law: Lumps, angles: Array, speeds: Array) -> Array:
-        return commanded_torques(law, angles, speeds, self.gravity)
+        return compensation_torque(law, angles[:, :-1], speeds[:, :-1], self.gravity)
 
 
 @dataclass(frozen=True, eq=False)

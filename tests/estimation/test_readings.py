@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from watched import GRAVITY, NOISE, TIMESTEP, raised, watched
 
-from metaid.estimation import LogUnknowns, Readings, commanded_torques, fit
+from metaid.estimation import ChainLaws, LogUnknowns, Readings, fit
 from metaid.estimation.noisy.polynomials import eliminate
 from metaid.models import compensation_torque
 from metaid.plant import FaultSettings
@@ -22,7 +22,7 @@ def test_commanded_torques_are_those_of_the_law_on_its_readings() -> None:
     seen = watched(3)
     law = raised(seen.nominal.lumps, 1.5)
     readings, speeds = np.random.default_rng(0).normal(size=(2, 2, 4, 3))
-    torques = commanded_torques(law, readings, speeds, GRAVITY)
+    torques = ChainLaws(seen.nominal.lumps, GRAVITY).commanded(law, readings, speeds)
     expected = compensation_torque(law, readings[1, 2], speeds[1, 2], GRAVITY)
     assert torques.shape == (2, 3, 3)
     assert np.allclose(torques[1, 2], expected)

@@ -6,7 +6,6 @@ Where torques are noisy, `fit_with_torque_noise` compares `Innovations` instead:
 `unmodelled_forces` looks in what is left of the readings for a force that the model has not.
 """
 
-from metaid.estimation.noisy.commanded import commanded_torques, filtered_speeds
 from metaid.estimation.noisy.held_out import hold_out, predicted
 from metaid.estimation.noisy.innovations import Innovations
 from metaid.estimation.noisy.loop import Loop
@@ -25,9 +24,7 @@ __all__ = [
     "Readings",
     "Search",
     "as_possible",
-    "commanded_torques",
     "explained",
-    "filtered_speeds",
     "fit_with_torque_noise",
     "hold_out",
     "led",

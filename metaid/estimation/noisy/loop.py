@@ -6,10 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from metaid.episode import SensorReadings
 from metaid.estimation.faults import late
-from metaid.estimation.noisy.commanded import filtered_speeds
 from metaid.estimation.trials import BUILT_UP, ReadTrial
 from metaid.models import Array
 
@@ -91,3 +91,15 @@ class Loop:
         every[:, :own, :own] = known
         every[:, own:, own:] = BUILT_UP * np.eye(n)
         return every
+
+
+def filtered_speeds(readings: Array, start_speeds: Array, weights: Array) -> Array:
+    """Joint speeds (npush x nstep + 1 x njoint), in rad/s, as a law without a speed sensor takes them to be: the last
+    angle `readings` (npush x nstep + 1 x njoint), in rad, times `weights` (nreading), in 1/s; and until there are so
+    many, the `start_speeds` (npush x njoint) of the calibrated push.
+    """
+    count = len(weights)
+    speeds = np.repeat(start_speeds[:, None], readings.shape[1], axis=1)
+    if readings.shape[1] >= count:
+        speeds[:, count - 1 :] = sliding_window_view(readings, count, axis=1) @ weights
+    return speeds
