@@ -180,42 +180,6 @@ class Further(NamedTuple):
 NOTHING_FURTHER = Further(np.empty((0, 0, 0, 0)), None)
 
 
-class Driven(NamedTuple):
-    """A trial, as far as a twin is to show it.
-
-    Attributes:
-        trial: with the torques that acted.
-        starts: joint coordinates and speeds (npush x 2 x njoint) right after each push, and with which share dry
-            friction begins (npush x 3 x njoint); by default with all of it, against the speed.
-        steps: how many steps (npush) of each push to follow.
-        basis: the polynomials (npush x nstep + 1 x ncoefficient) that each push is seen in.
-        further: what is unknown beside the robot.
-    """
-
-    trial: ReadTrial
-    starts: Array
-    steps: NDArray[np.int64]
-    basis: Array
-    further: Further = NOTHING_FURTHER
-
-
-class Filtered(NamedTuple):
-    """A trial, as far as a filter runs through it.
-
-    Attributes:
-        trial: with the torques that acted.
-        starts: joint coordinates and speeds (npush x 2 x njoint) right after each push, and with which share dry
-            friction begins (npush x 3 x njoint); by default with all of it, against the speed.
-        begins: their covariance then (npush x 2 njoint x 2 njoint).
-        pushes: which it runs through.
-    """
-
-    trial: ReadTrial
-    starts: Array
-    begins: Array
-    pushes: NDArray[np.intp]
-
-
 class Coefficients(NamedTuple):
     """Of the twin's angles in polynomials: `values` (npush x njoint x ncoefficient), in rad or m, and their `slopes`
     (npush x njoint x ncoefficient x nunknown, and more by what is further unknown, and of the starts).

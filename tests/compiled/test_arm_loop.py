@@ -15,7 +15,7 @@ from metaid.compiled.spatial.vectors import cosine_and_sine
 from metaid.compiled.stages import agrees_with_mj_step
 from metaid.episode import MEASURES, Episode, FallRule, Record, arm_episode, run_stepwise, same_record, window_ends
 from metaid.estimation import BaseUnknowns, ReadTrial, WatchedTrial
-from metaid.estimation.trials import Coefficients, Driven
+from metaid.estimation.trials import Coefficients
 from metaid.estimation.twin import Twin, twin_of
 from metaid.estimation.twin.workspace import no_joints
 from metaid.models import Array
@@ -209,7 +209,7 @@ def test_driven_twin_shows_what_the_sensors_read() -> None:
     starts, seen = episode.states, np.full(episode.npush, STEPS)
     trial = ReadTrial(0.002, readings, torques, seen, starts[:, 1], None, np.full(tree.njoint, 1e-4))
     basis = np.tile(np.eye(STEPS + 1), (episode.npush, 1, 1))  # each coefficient is the angle at one reading
-    twin = at(tree).drive(Driven(trial, starts, seen, basis), None)
+    twin = at(tree).drive(trial, starts, seen, basis, None)
     assert twin is not None
     difference = twin.values.swapaxes(1, 2) - readings
     assert 0.8e-4 < difference.std() < 1.2e-4
@@ -228,7 +228,7 @@ def test_dry_friction_of_an_arm_that_moves_continuously_builds_up_over_a_way() -
     seen, still = np.full(1, 2 * steps), np.zeros((1, 2 * steps + 1, 1))
     trial = ReadTrial(2e-3, still, torques, seen, np.zeros((1, 1)), None, np.ones(1), is_continuous=True)
     joints = no_joints(1, 2)._replace(presliding=np.array([over]))
-    twin = at(tree).drive(Driven(trial, np.zeros((1, 2, 1)), seen, at_ends), joints)
+    twin = at(tree).drive(trial, np.zeros((1, 2, 1)), seen, at_ends, joints)
     assert twin is not None
     bent = -over * np.log(1.0 - share)
     np.testing.assert_allclose(twin.values[0, 0], [bent, bent - over * np.log(1.0 + share)], rtol=0.02)
@@ -246,7 +246,7 @@ def test_motion_follows_the_share_with_which_dry_friction_begins() -> None:
     def ends(shares: Array) -> Coefficients:
         own = starts.copy()
         own[:, 2] = shares
-        shown = at(tree).drive(Driven(trial, own, seen, basis), joints)
+        shown = at(tree).drive(trial, own, seen, basis, joints)
         assert shown is not None
         return shown
 

@@ -10,7 +10,7 @@ from watched import GRAVITY, NOISE, raised, watched
 
 from metaid.estimation import ChainLaws, Experiment, LogUnknowns, Loop, Readings, ReadTrial, upright
 from metaid.estimation.noisy import Innovations, fit_with_torque_noise, unmodelled_forces
-from metaid.estimation.trials import Filtered, Gains, Joints
+from metaid.estimation.trials import Gains, Joints
 from metaid.estimation.twin import PlanarTwin
 from metaid.models import Lumps
 from metaid.plant import FaultSettings
@@ -134,8 +134,8 @@ def test_what_the_filter_finds_of_a_push_depends_on_no_other() -> None:
 
     def led(*pushes: int) -> Gains:
         starts = upright(trial.start_speeds)
-        through = Filtered(trial, starts, np.tile(1e-2 * np.eye(4), (len(starts), 1, 1)), np.array(pushes))
-        return twin.lead(through, joints).gains(np.full(2, TORQUE_NOISE))
+        begins = np.tile(1e-2 * np.eye(4), (len(starts), 1, 1))
+        return twin.lead(trial, starts, begins, np.array(pushes), joints).gains(np.full(2, TORQUE_NOISE))
 
     together = led(0, 1, 2, 3)
     for push in (2, 3):

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.estimation.noisy.readings import Readings
-from metaid.estimation.trials import Filtered, Gains, started
+from metaid.estimation.trials import Gains, started
 from metaid.estimation.twin import Filter
 from metaid.models import Array
 
@@ -84,4 +84,4 @@ class Innovations(Readings):
             own = starts.shape[1] * n - trial.start_spread.shape[-1]
             moved = trial.start_spread[:, : 2 * n - own]  # without what friction begins with
             begins[:, own:, own:] = moved @ moved.swapaxes(1, 2)
-        return self._twin(log_factors).lead(Filtered(trial, starts, begins, pushes), self._joints(faults))
+        return self._twin(log_factors).lead(trial, starts, begins, pushes, self._joints(faults))

@@ -32,7 +32,6 @@ from metaid.estimation.noisy.smoothed import smoothed
 from metaid.estimation.trials import (
     NOTHING_FURTHER,
     Coefficients,
-    Driven,
     Further,
     Gains,
     Joints,
@@ -181,8 +180,7 @@ class Readings:
         basis[kept, np.arange(len(kept))] = 1.0  # each coefficient is the angle at one reading
         twin, steps = self.unknowns.alone(log_factors), np.minimum(trial.steps, last)
         alike, joints = replace(self._delivered(trial, faults), start_spread=None), self._joints(faults)
-        driven = Driven(alike, starts, steps, np.tile(basis, (npush, 1, 1)))
-        motion = twin_of(twin, np.empty(0)).drive(driven, joints)
+        motion = twin_of(twin, np.empty(0)).drive(alike, starts, steps, np.tile(basis, (npush, 1, 1)), joints)
         shown = (kept <= steps[:, None]) & (steps[:, None] > 0)
         seen = np.where(shown[..., None], trial.readings[:, kept], np.nan)
         simulated = np.full_like(seen, np.nan)
@@ -289,9 +287,8 @@ class Readings:
             further: what is unknown beside them.
         """
         (chosen, steps), basis = self._longest(number, windows), self._windows[number].basis
-        driven = Driven(trial, starts, steps, basis[chosen], further)
         led = self._gains(number)
-        twin = self._twin(log_factors).drive(driven, joints, led=led)
+        twin = self._twin(log_factors).drive(trial, starts, steps, basis[chosen], joints, further, led)
         if twin is None or led is not None:
             return twin
         plants = np.einsum("ptk,ptj->pjk", basis[chosen], trial.readings * before(steps, trial.readings.shape[1]))

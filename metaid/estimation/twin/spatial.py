@@ -81,28 +81,16 @@ class SpatialTwin(Twin):
         no mass matrix at q = 0.
         """
         tree = self.unknowns.moved or self.unknowns.prior.nominal
-        softness, inverse = softness_of(tree, self.parameters)
+        n = tree.njoint
+        matrix = _rows_at_zero(tree, np.eye(n)) @ self.parameters.ravel()
+        is_one = bool(np.linalg.eigvalsh(matrix).min() > 0.0)
+        inverse = np.asarray(np.linalg.inv(matrix) if is_one else np.full((n, n), np.nan), dtype=np.float64)
         rows = _rows_at_zero(tree, inverse)[..., self._columns]
-        return softness, np.ascontiguousarray(-SOFTNESS * np.einsum("ij,ijp->ip", inverse, rows))
+        return SOFTNESS * np.diag(inverse), np.ascontiguousarray(-SOFTNESS * np.einsum("ij,ijp->ip", inverse, rows))
 
     @property
     def space(self) -> tuple[NDArray[np.int64], SpatialSpace]:
         return spatial_space(self.unknowns.njoint)
-
-
-def softness_of(tree: Tree, parameters: Array) -> tuple[Array, Array]:
-    """Of dry friction, 1/D (njoint), and the inverse of the mass matrix at q = 0 (njoint x njoint), which it is a share
-    of; NaN where there is none.
-
-    Args:
-        tree: where the joints are.
-        parameters: of them and of the links (njoint x 13).
-    """
-    n = tree.njoint
-    matrix = _rows_at_zero(tree, np.eye(n)) @ parameters.ravel()
-    is_one = bool(np.linalg.eigvalsh(matrix).min() > 0.0)
-    inverse = np.asarray(np.linalg.inv(matrix) if is_one else np.full((n, n), np.nan), dtype=np.float64)
-    return SOFTNESS * np.diag(inverse), inverse
 
 
 def _rows_at_zero(tree: Tree, accelerations: Array) -> Array:

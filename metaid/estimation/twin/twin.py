@@ -15,8 +15,6 @@ from metaid.compiled import Run, run_of, share_out, spread_of
 from metaid.estimation.trials import (
     NOTHING_FURTHER,
     Coefficients,
-    Driven,
-    Filtered,
     Further,
     Gains,
     Joints,
@@ -119,16 +117,30 @@ class Twin(ABC):
         motion, angles = self.alone._watch(trial, steps, wanted, False)
         return angles, np.arange(len(steps)) < motion.reached[:, None]
 
-    def drive(self, driven: Driven, joints: Joints | None, led: Gains | None = None) -> Coefficients | None:
+    def drive(
+        self,
+        trial: ReadTrial,
+        starts: Array,
+        steps: NDArray[np.int64],
+        basis: Array,
+        joints: Joints | None,
+        further: Further = NOTHING_FURTHER,
+        led: Gains | None = None,
+    ) -> Coefficients | None:
         """What it shows of a noisy trial, driven by what was commanded; None where it cannot follow.
 
         Args:
-            driven: the trial.
+            trial: with the torques that acted.
+            starts: joint coordinates and speeds (npush x 2 x njoint) right after each push, and with which share dry
+                friction begins (npush x 3 x njoint); by default with all of it, against the speed.
+            steps: how many steps (npush) of each push to follow.
+            basis: the polynomials (npush x nstep + 1 x ncoefficient) that each push is seen in.
             joints: what they have beside the parameters; None for nothing.
+            further: what is unknown beside the robot.
             led: gains of a filter that sets it right by the readings. The coefficients are then those of the whitened
                 innovations.
         """
-        trial, starts, steps, basis, further = driven._replace(basis=np.ascontiguousarray(driven.basis))
+        basis = np.ascontiguousarray(basis)
         (npush, _, n), coefficients, nunknown = starts.shape, basis.shape[2], len(self.point)
         extra = 0 if trial.start_spread is None else trial.start_spread.shape[-1]
         balance, by = self.driven(trial, joints, further)
@@ -163,9 +175,18 @@ class Twin(ABC):
             slopes = np.concatenate([slopes, np.zeros((*slopes.shape[:-1], idle))], axis=-1)
         return Coefficients(values, slopes)
 
-    def lead(self, filtered: Filtered, joints: Joints | None) -> Filter:
-        """A filter through some pushes of a trial (Eq. 35), with what `joints` have beside the parameters."""
-        trial, starts, begins, pushes = filtered
+    def lead(
+        self, trial: ReadTrial, starts: Array, begins: Array, pushes: NDArray[np.intp], joints: Joints | None
+    ) -> Filter:
+        """A filter through some pushes of a trial (Eq. 35).
+
+        Args:
+            trial: with the torques that acted.
+            starts: as `drive` has them.
+            begins: their covariance (npush x 2 njoint x 2 njoint).
+            pushes: which it runs through.
+            joints: what they have beside the parameters; None for nothing.
+        """
         npush, nreading, n = trial.readings.shape
         by_torque = np.ascontiguousarray(self._torques)
         links, both = self.links, np.kron(np.eye(2), self.links)
