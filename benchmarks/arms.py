@@ -129,7 +129,7 @@ def identify(name: str, seed: int, noise: float, trials: int) -> Identified:
 
 def _inside(estimate: ArmEstimate, true: Tree) -> int:
     """How many base parameters are inside their intervals."""
-    low, high = estimate.interval()
+    low, high = estimate.interval_with(estimate.value_deviations)
     values = estimate.searched.prior.base.of(true.parameters)
     return int(((low <= values) & (values <= high)).sum())
 

@@ -19,7 +19,6 @@ from metaid.estimation.base_unknowns import ArmEstimate, BaseUnknowns
 from metaid.estimation.descent import FARTHEST, Residuals, descend, place_at
 from metaid.estimation.estimate import Estimate, Found, fit
 from metaid.estimation.faults import (
-    NO_FAULTS,
     FoundFaults,
     Proposal,
     SearchedFaults,
@@ -28,9 +27,8 @@ from metaid.estimation.faults import (
     searched_faults,
 )
 from metaid.estimation.fit import starting_points
-from metaid.estimation.log_unknowns import FULL, LogUnknowns
+from metaid.estimation.log_unknowns import LogUnknowns
 from metaid.estimation.trials import Replay, WatchedTrial, upright
-from metaid.estimation.unknowns import Unknowns
 
 if TYPE_CHECKING:
     from metaid.estimation.crossings import MISS, TOP, Counters, count_crossings
@@ -41,9 +39,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "FARTHEST",
-    "FULL",
     "MISS",
-    "NO_FAULTS",
     "TOP",
     "Approximation",
     "ArmEstimate",
@@ -69,7 +65,6 @@ __all__ = [
     "SearchedFaults",
     "SeenTrial",
     "TakenUp",
-    "Unknowns",
     "Unmodelled",
     "WatchedTrial",
     "WatchedTrials",

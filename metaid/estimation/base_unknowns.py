@@ -210,8 +210,9 @@ class ArmEstimate(Found):
         """Whether there are bodies that have what was found."""
         return possible_bodies(self.searched.prior, self.values) is not None
 
-    def interval_with(self, deviations: Array, count: float = DEVIATIONS) -> tuple[Array, Array]:
-        return self.values - count * deviations, self.values + count * deviations
+    def interval_with(self, deviations: Array) -> tuple[Array, Array]:
+        reach = DEVIATIONS * deviations
+        return self.values - reach, self.values + reach
 
     def half_width_with(self, covariance: Array) -> float:
         """Half the widest interval that holds the torque of each joint, as a share of it; see `torque_half_width`."""

@@ -77,10 +77,8 @@ class Found(Fit):
         """
         return None
 
-    def interval_with(self, deviations: Array, count: float = DEVIATIONS) -> tuple[Array, Array]:
-        """Least and largest values (nvalue) within so many times standard `deviations` (nvalue): 95 % of them by
-        default.
-        """
+    def interval_with(self, deviations: Array) -> tuple[Array, Array]:
+        """Least and largest values (nvalue) that 95 % are within by their standard `deviations` (nvalue)."""
         raise NotImplementedError
 
     def half_width_with(self, covariance: Array) -> float:
@@ -124,10 +122,6 @@ class Found(Fit):
     def half_width(self) -> float:
         """Half the widest of intervals that hold all that is wanted at once, as a share of it."""
         return self.half_width_with(self.value_covariance)
-
-    def interval(self, count: float = DEVIATIONS) -> tuple[Array, Array]:
-        """Least and largest values (nvalue) within so many standard deviations: 95 % of them by default."""
-        return self.interval_with(self.value_deviations, count)
 
     @property
     def widening(self) -> float:
@@ -205,13 +199,13 @@ class Estimate(Found):
         poses: Array = np.pi * np.random.default_rng(0).integers(0, 2, (POSES, lumps.nlink)).astype(np.float64)
         return bool((np.linalg.eigvalsh(mass_matrix(lumps, lumps.inertia, poses)) > 0.0).all())
 
-    def interval_with(self, deviations: Array, count: float = DEVIATIONS) -> tuple[Array, Array]:
+    def interval_with(self, deviations: Array) -> tuple[Array, Array]:
         """Eq. 27; where counts are compared the `extent`."""
         values = self.values
         if self.extent is not None:
             low, high = values * np.exp(self.extent - self.design @ self.log_factors)
             return low, high
-        reach = np.exp(count * deviations / values)
+        reach = np.exp(DEVIATIONS * deviations / values)
         return values / reach, values * reach
 
     def half_width_with(self, covariance: Array) -> float:
@@ -248,7 +242,6 @@ def fit(
     comparison: Growing,
     start: Array | None = None,
     restarts: int = 3,
-    seed: int = 0,
     refines: bool = False,
     explains: bool = False,
 ) -> Any:
@@ -261,7 +254,6 @@ def fit(
             such a robot begin.
         restarts: how often the fit may begin at a random point of the prior, where the misfit says that it ended in a
             wrong minimum.
-        seed: of these points; the same seed gives the same estimate.
         refines: whether all windows are compared from the `start` on, where that is in the valley of the truth.
         explains: whether a fit is wanted only where it explains what was seen: then what will not is given up early.
 
@@ -269,7 +261,7 @@ def fit(
         ValueError: the twin cannot follow the trials from any start, or explains them from none though it is to.
     """
     found = refine(comparison, start) if refines and start is not None else None
-    found = found or find(comparison, begun(comparison, start), restarts, seed, explains)
+    found = found or find(comparison, begun(comparison, start), restarts, explains)
     if found is None:
         raise ValueError("no robot near the nominal one moves through any window: the nominal model is none's")
     count = len(found.names)

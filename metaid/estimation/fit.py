@@ -67,8 +67,6 @@ class Fit:
         misfit: root mean square of the residuals, scaled by what noise or rounding explains.
         explained_below: a misfit below this says that the model explains what was seen.
         iterations: steps of all descents.
-        starts: how many descents there were, each from another point.
-        converged: whether the last steps changed nothing any more.
         residuals: of each trial by push and joint (npush x njoint), root mean square over the windows.
         extras: the unknowns that concern one push alone (nextra): start speeds scaled by what pushes differ by, or
             none where these are read.
@@ -81,8 +79,6 @@ class Fit:
     misfit: float
     explained_below: float
     iterations: int
-    starts: int
-    converged: bool
     residuals: tuple[Array, ...]
     extras: Array
 
@@ -102,9 +98,7 @@ class Fit:
         return np.sqrt(np.diag(self.covariance))
 
 
-def find(
-    comparison: Growing, start: Array | None = None, restarts: int = 3, seed: int = 0, explains: bool = False
-) -> Fit | None:
+def find(comparison: Growing, start: Array | None = None, restarts: int = 3, explains: bool = False) -> Fit | None:
     """What all trials of a `comparison` lead to; None where the twin cannot follow them from any start.
 
     Args:
@@ -113,17 +107,15 @@ def find(
             those that concern one push alone (nextra).
         restarts: how often the fit may begin at a random point of the prior, where the misfit says that it ended in a
             wrong minimum.
-        seed: of these points; the same seed gives the same estimate.
         explains: whether a fit is wanted only where it explains what was seen: then what will not is given up early.
     """
     best: Descent | None = None
-    iterations = starts = 0
-    for point in starting_points(comparison, start, restarts, seed):
+    iterations = 0
+    for point in starting_points(comparison, start, restarts):
         most = MOST_EXACT if restarts >= 0 else MOST_EXPLAINING if explains else MOST_ALONE
         found = grow(comparison, _whole(comparison, point), most, explains)
         if found is None:
             continue
-        starts += 1
         iterations += found.iterations
         if best is None or found.place.cost < best.place.cost:
             best = found
@@ -131,7 +123,7 @@ def find(
             break
     if best is None:
         return None
-    return _fit(comparison, best, iterations, starts)
+    return _fit(comparison, best, iterations)
 
 
 def refine(comparison: Growing, start: Array) -> Fit | None:
@@ -142,7 +134,7 @@ def refine(comparison: Growing, start: Array) -> Fit | None:
     found = _descent(comparison, _whole(comparison, start), comparison.stages)
     if found is None or not misfit(found) < comparison.explained_below:
         return None
-    return _fit(comparison, found, found.iterations, 1)
+    return _fit(comparison, found, found.iterations)
 
 
 def settled(comparison: Growing, point: Array) -> Array | None:
@@ -209,22 +201,16 @@ def misfit(found: Descent) -> float:
     return float(np.sqrt(2.0 * residuals.cost / residuals.count))
 
 
-def starting_points(comparison: Fitted, start: Array | None, restarts: int, seed: int) -> Iterator[Array]:
-    """The `start` if there is one, the nominal model, and random points about it; a `start` alone where `restarts` is
-    below 0.
-
-    Args:
-        comparison: what is fitted, with the prior of its unknowns.
-        start: unknowns (nunknown) to try first.
-        restarts: how many random points.
-        seed: of these.
+def starting_points(comparison: Fitted, start: Array | None, restarts: int) -> Iterator[Array]:
+    """The `start` (nunknown) if there is one, the nominal model, and so many random points about it, the same each
+    time; a `start` alone where `restarts` is below 0.
     """
     spreads = comparison.spreads
     if start is not None:
         yield start
     if start is None or restarts >= 0:
         yield np.zeros(len(spreads))
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(0)
     for _ in range(restarts):
         point = spreads * random.standard_normal(len(spreads))
         for _ in range(DRAWS):  # independent factors of many lumps are often no chain's: M must be positive definite
@@ -239,7 +225,7 @@ def _whole(comparison: Fitted, point: Array) -> Array:
     return np.append(point, np.zeros(len(comparison.spreads) + comparison.extras - len(point)))
 
 
-def _fit(comparison: Growing, found: Descent, iterations: int, starts: int) -> Fit:
+def _fit(comparison: Growing, found: Descent, iterations: int) -> Fit:
     place, count = found.place, len(comparison.spreads)
     return Fit(
         names=tuple(comparison.unknowns.names),
@@ -249,8 +235,6 @@ def _fit(comparison: Growing, found: Descent, iterations: int, starts: int) -> F
         misfit=misfit(found),
         explained_below=comparison.explained_below,
         iterations=iterations,
-        starts=starts,
-        converged=found.converged,
         residuals=comparison.by_joint(place.point),
         extras=place.point[count:],
     )

@@ -27,7 +27,6 @@ def test_one_trial_at_the_nominal_law_gives_all_lumps(nlink: int) -> None:
     seen = watched(nlink)
     estimate = fit(Motions([seen.trial(seen.nominal.lumps)], LogUnknowns(seen.nominal.lumps, GRAVITY)))
     assert worst(estimate, seen.plant.chain.lumps) < 1e-9
-    assert estimate.converged
     assert estimate.misfit < 1.0
 
 
@@ -59,7 +58,6 @@ def test_mirror_images_of_frequencies_show_in_the_misfit_and_restarts_leave_them
     stuck, found = fit(motions, restarts=0), fit(motions, restarts=10)
     assert stuck.misfit > 1e3
     assert worst(stuck, seen.plant.chain.lumps) > 0.01
-    assert found.starts > 1
     assert found.misfit < 1.0
     assert worst(found, seen.plant.chain.lumps) < 1e-9
 
@@ -136,13 +134,13 @@ def test_hidden_friction_shows_in_the_misfit_and_in_the_residuals() -> None:
     assert all((table > 1.0).all() for table in estimate.residuals)
 
 
-def test_the_same_trials_and_seed_give_the_same_estimate() -> None:
+def test_the_same_trials_give_the_same_estimate() -> None:
     """To the last bit, restarts included."""
     seen = watched(2)
     trials = [seen.trial(seen.nominal.lumps)]
 
     def once() -> Array:
-        return fit(Motions(trials, LogUnknowns(seen.nominal.lumps, GRAVITY), "frequency"), seed=3).log_factors
+        return fit(Motions(trials, LogUnknowns(seen.nominal.lumps, GRAVITY), "frequency")).log_factors
 
     assert np.array_equal(once(), once())
 

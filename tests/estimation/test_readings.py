@@ -55,7 +55,7 @@ def test_intervals_cover() -> None:
         seen = watched(2, seed, faults=DIFFERING)
         unknowns = LogUnknowns(seen.nominal.lumps, GRAVITY)
         estimate = fit(Readings([seen.read_trial(raised(seen.nominal.lumps, 1.5))], unknowns))
-        low, high = estimate.interval()
+        low, high = estimate.interval_with(estimate.value_deviations)
         true = seen.plant.chain.lumps_of(unknowns.kinds).vector_of(unknowns.kinds)
         inside += ((low < true) & (true < high)).tolist()
     assert np.mean(inside) >= 0.85

@@ -51,7 +51,8 @@ def test_intervals_cover_where_torques_are_noisy() -> None:
     inside = []
     for seed in range(8):
         innovations, true = innovations_of(2, seed)
-        low, high = fit_with_torque_noise(innovations, None, np.full(2, TORQUE_NOISE)).interval()
+        estimate = fit_with_torque_noise(innovations, None, np.full(2, TORQUE_NOISE))
+        low, high = estimate.interval_with(estimate.value_deviations)
         lumps = innovations.unknowns.lumps(true).vector_of(innovations.unknowns.kinds)
         inside += ((low < lumps) & (lumps < high)).tolist()
     assert np.mean(inside) >= 0.85

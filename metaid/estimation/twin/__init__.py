@@ -16,7 +16,7 @@ from metaid.models import Array
 
 TWINS: dict[str, Callable[[Any, Array], Twin]] = {"planar": PlanarTwin, "spatial": SpatialTwin}
 
-__all__ = ["Filter", "Motion", "PlanarTwin", "SpatialTwin", "Twin", "twin_of"]
+__all__ = ["Filter", "Motion", "PlanarTwin", "Twin", "twin_of"]
 
 
 def twin_of(unknowns: Unknowns, point: Array) -> Twin:

@@ -31,14 +31,13 @@ class Model:
     wrong: float
 
 
-def match_counts(counts: Counts, start: Array | None = None, restarts: int = 3, seed: int = 0) -> Estimate:
+def match_counts(counts: Counts, start: Array | None = None, restarts: int = 3) -> Estimate:
     """The centre of the set of models that show exactly the counts that were seen, and its extent.
 
     Args:
         counts: of all trials.
         start: log factors (nunknown) to try before the nominal model, such as those of the estimate before.
         restarts: how often the search may begin at a random point of the prior, where it ended with wrong counts.
-        seed: of these points; the same seed gives the same estimate.
 
     Returns:
         An estimate whose misfit is the number of counts that differ. Its extent is of all models that have every joint
@@ -48,19 +47,19 @@ def match_counts(counts: Counts, start: Array | None = None, restarts: int = 3, 
         ValueError: the twin cannot follow the trials from any start.
     """
     best: Model | None = None
-    tried = steps = 0
-    for point in starting_points(counts, start, restarts, seed):
+    steps = 0
+    for point in starting_points(counts, start, restarts):
         model, taken = _search(counts, point)
         if model is None:
             continue
-        tried, steps = tried + 1, steps + taken
+        steps += taken
         if best is None or (model.counted.differing, model.wrong) < (best.counted.differing, best.wrong):
             best = model
         if not model.counted.differing:
             break
     if best is None:
         raise ValueError("no chain near the nominal one moves through any window: the nominal lumps are no chain's")
-    return _estimate(counts, best if best.counted.differing else _centred(counts, best), steps, tried)
+    return _estimate(counts, best if best.counted.differing else _centred(counts, best), steps)
 
 
 def _search(counts: Counts, point: Array) -> tuple[Model | None, int]:
@@ -124,7 +123,7 @@ def _centred(counts: Counts, model: Model) -> Model:
     return model
 
 
-def _estimate(counts: Counts, model: Model, steps: int, starts: int) -> Estimate:
+def _estimate(counts: Counts, model: Model, steps: int) -> Estimate:
     log_factors, unknowns = model.log_factors, counts.unknowns
     covariance, extent, directions = np.diag(counts.spreads**2), None, np.eye(len(log_factors))
     if not model.counted.differing:
@@ -144,8 +143,6 @@ def _estimate(counts: Counts, model: Model, steps: int, starts: int) -> Estimate
         misfit=float(model.counted.differing),
         explained_below=RIGHT_COUNTS,
         iterations=steps,
-        starts=starts,
-        converged=not model.counted.differing,
         residuals=counts.by_joint(log_factors),
         extras=np.empty(0),
         extent=extent,
