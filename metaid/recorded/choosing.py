@@ -18,7 +18,7 @@ from metaid.recorded.comparing import Missed, Search
 from metaid.recorded.friction_terms import with_friction
 from metaid.recorded.held_out import Yardstick
 from metaid.recorded.reading.log import Record
-from metaid.recorded.weak_form.equations import Equations, equations_of
+from metaid.recorded.weak_form.equations import Equations, first_equations
 from metaid.recorded.weak_form.folds import folds_of
 from metaid.recorded.weak_form.linear_model import LinearModel
 from metaid.recorded.weak_form.smoothed import CUTOFFS, Smoothed
@@ -177,10 +177,8 @@ def with_cutoff(
         zeros: whether those of the encoders are unknown.
         scale: of all torques.
     """
-    for span, power in sorted(WINDOWS, reverse=True):
-        equations = equations_of(records, logs, model.with_friction(BASE), span, power)
-        if equations is not None and span <= USUAL:
-            break
+    windows = [each for each in sorted(WINDOWS, reverse=True) if each[0] <= USUAL]
+    equations = first_equations(records, logs, model.with_friction(BASE), windows)
     if equations is None:
         return tuple(logs)
     folds = folds_of(logs, equations.middles)

@@ -25,7 +25,7 @@ from metaid.recorded.doubts.suspects import examined, suspects
 from metaid.recorded.gains import Gains
 from metaid.recorded.held_out import HeldOut, Yardstick
 from metaid.recorded.reading.log import Record
-from metaid.recorded.weak_form.equations import Equations, Solution, equations_of
+from metaid.recorded.weak_form.equations import Equations, Solution, equations_of, first_equations
 from metaid.recorded.weak_form.linear_model import LinearModel
 from metaid.recorded.weak_form.normal import ZERO, Blocks, beside_zeros
 from metaid.recorded.weak_form.possible import Possible, PossibleModel
@@ -33,6 +33,7 @@ from metaid.recorded.weak_form.smoothed import Smoothed, smoothed
 
 FEW_STARTS = 10  # of simulations a fold, of an arm in space
 MANY_STARTS = 60  # of a pendulum
+MIDDLE = ((0.2, 6), (0.1, 5), (0.3, 8), (0.06, 4), (0.5, 10))  # windows: length in s and degree, the first that fit
 MOST_NAMED = 3  # joints that a suspect is named with
 
 
@@ -132,7 +133,7 @@ def estimate_records(
         still = next(record for record, own in zip(records, logs, strict=True) if not own.judged.any())
         raise RecordError(f"{still.name}: too short, or no joint moves (allowed: some seconds of motion)")
     model = _with_idle(model.with_still(usual_still(logs)), records, logs)
-    plain = _plain(records, logs, model)
+    plain = first_equations(records, logs, model.with_friction(BASE), MIDDLE)
     scale = 1.0 if plain is None or gains else torque_scale(plain)
     logs = with_cutoff(records, logs, model, model.is_pendulum and choices.zeros is not False, scale)
     chosen = choose(records, logs, model, choices, scale)
@@ -197,15 +198,6 @@ def equations_like(found: RecordedEstimate, record: Record) -> Equations:
     if equations is None:
         raise RecordError(f"{record.name}: too short, or no joint moves (allowed: some seconds of motion)")
     return replace(equations, zeros=chosen.zeros, delay=chosen.delay, scale=chosen.scale)
-
-
-def _plain(records: Sequence[Record], logs: Sequence[Smoothed], model: LinearModel) -> Equations | None:
-    """Equations of windows of a middle length with the plainest friction; None where the logs are too short."""
-    for span, power in ((0.2, 6), (0.1, 5), (0.3, 8), (0.06, 4), (0.5, 10)):
-        equations = equations_of(records, logs, model.with_friction(BASE), span, power)
-        if equations is not None:
-            return equations
-    return None
 
 
 def _zeros(equations: Equations, solution: Solution, blocks: Blocks, values: Array) -> Array:

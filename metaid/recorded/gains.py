@@ -18,20 +18,14 @@ from metaid.errors import RecordError
 from metaid.models import COARSEST, DEVIATIONS, Array
 from metaid.models.tree import Tree, torque_regressor
 from metaid.recorded.reading.log import Record
-from metaid.recorded.weak_form.equations import Equations, Part, equations_of
+from metaid.recorded.weak_form.equations import Equations, Part, first_equations
 from metaid.recorded.weak_form.folds import THIRDS
 from metaid.recorded.weak_form.linear_model import LinearModel
 from metaid.recorded.weak_form.normal import FLAT, eliminated_covariance
 from metaid.recorded.weak_form.smoothed import Smoothed
 
 FRICTION = ("viscous", "coulomb", "root", "offset")
-SPANS = (
-    (0.2, 6),
-    (0.3, 8),
-    (0.1, 5),
-    (0.5, 10),
-    (0.06, 4),
-)  # length in s and degree of the windows, the first that fit
+WINDOWS = ((0.2, 6), (0.3, 8), (0.1, 5), (0.5, 10), (0.06, 4))  # length in s and degree, the first that fit
 FIRST = 10  # of a body's parameters: mass, first moments, moments of inertia
 APART = 0.5  # by which gains of one robot's joints differ beforehand, as a share of them
 LEAST_MASS, MOST_MASS = 1e-3, 1e4  # kg
@@ -121,8 +115,7 @@ def drive_gains(
     """
     records = [*unloaded, *(record for record, _ in loaded)]
     model = model.with_friction(FRICTION)
-    tried = (equations_of(records, logs, model, span, power) for span, power in SPANS)
-    equations = next((each for each in tried if each is not None), None)
+    equations = first_equations(records, logs, model, WINDOWS)
     if equations is None:
         raise RecordError(
             f"{records[-1].name}: too short for the gains of {model.njoint} joints (allowed: more motion)"

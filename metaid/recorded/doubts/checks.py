@@ -34,10 +34,11 @@ from metaid.recorded.doubts.odd_logs import odd_log
 from metaid.recorded.doubts.units import units_of
 from metaid.recorded.estimating import RecordedEstimate
 from metaid.recorded.reading.log import Record
-from metaid.recorded.weak_form.equations import Equations, Part, equations_of
+from metaid.recorded.weak_form.equations import Equations, Part, first_equations
 from metaid.recorded.weak_form.normal import FAR_ZERO
 from metaid.recorded.weak_form.smoothed import Smoothed
 
+WINDOWS = ((0.2, 6), (0.3, 8), (0.1, 5), (0.5, 10))  # length in s and degree, the first that fit
 MOST = 80  # windows of a check, of all logs
 SELDOM = 0.5  # as NAMED of gravity, which many other faults look like
 BOTH = 0.7  # of what one leaves: as NAMED of two at once, for there are many pairs
@@ -181,29 +182,15 @@ def _thinned(records: Sequence[Record], logs: Sequence[Smoothed], found: Recorde
     model = found.model.with_friction(("viscous", "coulomb", "offset"))
     # What is wrong moves the zeros that are fitted beside it, too.
     zeros = found.zeros if np.abs(found.zeros).max(initial=0.0) < FAR_ZERO else np.zeros_like(found.zeros)
-    for span, power in ((0.2, 6), (0.3, 8), (0.1, 5), (0.5, 10)):
-        every = equations_of(records, logs, model, span, power)
-        if every is None:
-            continue
-        stride = max(1, every.nwindow // MOST)
-        parts = []
-        for part in every.parts:
-            windows = part.windows.thinned(4)
-            kept = slice(None, None, min(stride, max(1, len(windows) // 3)))
-            parts.append(
-                Part(
-                    part.log,
-                    part.record,
-                    replace(
-                        windows,
-                        middles=windows.middles[kept],
-                        coordinates=windows.coordinates[kept] + zeros[part.log],
-                        speeds=windows.speeds[kept],
-                        accelerations=windows.accelerations[kept],
-                    ),
-                    part.smoothed,
-                )
-            )
-        trusted = model.with_untrusted(model.untrusted | every.held)
-        return replace(every, model=trusted, parts=tuple(parts), scale=found.scale, delay=found.delay)
-    return None
+    every = first_equations(records, logs, model, WINDOWS)
+    if every is None:
+        return None
+    stride = max(1, every.nwindow // MOST)
+    parts = []
+    for part in every.parts:
+        windows = part.windows.thinned(4)
+        few = windows.only(np.arange(0, len(windows), min(stride, max(1, len(windows) // 3))))
+        moved = replace(few, coordinates=few.coordinates + zeros[part.log])
+        parts.append(Part(part.log, part.record, moved, part.smoothed))
+    trusted = model.with_untrusted(model.untrusted | every.held)
+    return replace(every, model=trusted, parts=tuple(parts), scale=found.scale, delay=found.delay)

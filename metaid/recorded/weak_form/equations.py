@@ -7,7 +7,7 @@ Equation numbers are those of docs/method.md.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -364,3 +364,18 @@ def equations_of(
         parts.append(Part(log, record, windows, own))
     equations = Equations(tuple(parts), model, False, nlog=len(parts))
     return equations if equations.is_enough else None
+
+
+def first_equations(
+    records: Sequence[Record], smoothed: Sequence[Smoothed], model: LinearModel, windows: Iterable[tuple[float, int]]
+) -> Equations | None:
+    """The equations of the first windows that all logs have enough of; None where there are none.
+
+    Args:
+        records: the logs.
+        smoothed: the same on their grids.
+        model: what is unknown.
+        windows: that are tried: their length in s, and the degree of their polynomials.
+    """
+    tried = (equations_of(records, smoothed, model, span, power) for span, power in windows)
+    return next((equations for equations in tried if equations is not None), None)
