@@ -185,7 +185,7 @@ def _with_idle(model: LinearModel, records: Sequence[Record], logs: Sequence[Smo
     idle = ~np.any([record.torques.any(axis=0) for record in records], axis=0)
     idle &= ~(model.untrusted | idle.all())
     held = model.held(np.max([np.ptp(own.coordinates, axis=0) for own in logs], axis=0))
-    return model.with_untrusted(model.untrusted | (idle & held)).with_passive(idle & ~held)
+    return replace(model, untrusted=model.untrusted | (idle & held), passive=idle & ~held)
 
 
 def equations_like(found: RecordedEstimate, record: Record) -> Equations:
@@ -307,9 +307,9 @@ def _systematic(
     """
     changes, lacking = [], []
     for suspect in suspects(equations, values, scales):
-        suspicion = examined(equations, values, suspect)
-        changes.append(suspicion.change)
-        names = [equations.model.joints[joint] for joint in suspicion.joints]
+        change, joints = examined(equations, values, suspect)
+        changes.append(change)
+        names = [equations.model.joints[joint] for joint in joints]
         if names:
             lacking.append(f"{suspect.what} of joint{'s' * (len(names) > 1)} {first_of(names, MOST_NAMED)}")
     free = equations.solved[0].values

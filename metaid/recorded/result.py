@@ -95,14 +95,11 @@ class RecordedResult:
         """How well a file that was written predicts, loaded again: logs that nothing was fitted to where there are any,
         else the logs themselves.
         """
-        return file_error(Path(path), self.model.name, self.estimate, *self._judged_logs)
-
-    @property
-    def _judged_logs(self) -> tuple[list[Smoothed], Any]:
-        if not self.validation:
-            return list(self.estimate.logs), self.estimate.zeros
-        logs = [own for own, _, _ in self.validation]
-        return logs, np.array([_zeros(self.estimate, own) for own in logs])
+        logs, zeros = self.estimate.logs, self.estimate.zeros
+        if self.validation:
+            logs = tuple(own for own, _, _ in self.validation)
+            zeros = np.array([held.parts[0].zeros for _, _, held in self.validation])
+        return file_error(Path(path), self.model.name, self.estimate, logs, zeros)
 
 
 def estimate(
@@ -179,7 +176,7 @@ def estimate(
     model = model_of(plant, coupled=tuple(_joints(pair, plant.njoint) for pair in coupled), gravity=gravity)
     measured = absolute_of(model, absolute)
     model = model.with_coupled(tuple(dict.fromkeys((*model.sliding.coupled, *measured.coupled))))
-    model = model.with_untrusted(_chosen("untrusted", untrusted, model))
+    model = replace(model, untrusted=_chosen("untrusted", untrusted, model))
     many = [log for log in _with_shipped(logs) if not any(_is_same(log, each.log) for each in payloads)]
     if not many:
         raise RecordError(f"no log{' without a payload' if payloads else ''} (allowed: one or more)")
@@ -301,12 +298,6 @@ def _validated(found: RecordedEstimate, own: Smoothed) -> HeldOut:
     yardstick = Yardstick((own,), (Fold((Span(0),)),))
     solution = replace(found.equations.solved[0], values=found.values, zeros=np.zeros((1, found.model.njoint)))
     return yardstick.judged(found.equations, [solution], True)
-
-
-def _zeros(found: RecordedEstimate, own: Smoothed) -> Any:
-    if not found.equations.zeros:
-        return np.zeros(found.model.njoint)
-    return Yardstick((own,), ()).zeros_of(found.model, found.values, 0, found.delay)
 
 
 def _by_joint(what: str, given: Mapping[str, float], model: LinearModel, usual: float) -> Any:

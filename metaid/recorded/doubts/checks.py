@@ -81,7 +81,7 @@ def _named(equations: Equations, found: RecordedEstimate, measured: Absolute | N
     falling = falling_torques(check, usual)
     if falling.any():
         text, option = named_as_falling(check, falling)
-        model = equations.model.with_untrusted(equations.model.untrusted | falling)
+        model = replace(equations.model, untrusted=equations.model.untrusted | falling)
         return (Fact(text, option, 0.0), *_named(replace(equations, model=model), found, measured))
     units = units_of(check)
     turned = _turned(found)
@@ -192,5 +192,5 @@ def _thinned(records: Sequence[Record], logs: Sequence[Smoothed], found: Recorde
         few = windows.only(np.arange(0, len(windows), min(stride, max(1, len(windows) // 3))))
         moved = replace(few, coordinates=few.coordinates + zeros[part.log])
         parts.append(Part(part.log, part.record, moved, part.smoothed))
-    trusted = model.with_untrusted(model.untrusted | every.held)
+    trusted = replace(model, untrusted=model.untrusted | every.held)
     return replace(every, model=trusted, parts=tuple(parts), scale=found.scale, delay=found.delay)

@@ -225,7 +225,7 @@ def suspected(check: Check) -> Iterator[Suspected]:
             if np.allclose(direction, tree.gravity):
                 continue
             other = arm_model(replace(tree, gravity=direction), model.friction, model.sliding.coupled)
-            other = other.with_still(model.sliding.still).with_untrusted(model.untrusted)
+            other = replace(other.with_still(model.sliding.still), untrusted=model.untrusted)
             option = "--gravity " + ",".join(f"{each + 0.0:g}" for each in direction)
             text = "gravity points elsewhere in the frame of the base"
             yield Suspected(text, option, check.with_model(other))

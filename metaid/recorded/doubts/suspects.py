@@ -48,16 +48,8 @@ class Suspect:
     of_joints: Array | None = None
 
 
-@dataclass(frozen=True)
-class Suspicion:
-    """By how much the unknowns hang on a suspect (nparam), and in which joints the logs show it."""
-
-    change: Array
-    joints: tuple[int, ...]
-
-
-def examined(equations: Equations, values: Array, suspect: Suspect) -> Suspicion:
-    """What a suspect would change of the unknowns (nparam).  Eq. 71.
+def examined(equations: Equations, values: Array, suspect: Suspect) -> tuple[Array, list[int]]:
+    """What a suspect would change of the unknowns (nparam), and in which joints the logs show it.  Eq. 71.
 
     What the logs say of it changes them as they say. A size that is expected changes them as far as it is not told from
     them.
@@ -106,7 +98,7 @@ def examined(equations: Equations, values: Array, suspect: Suspect) -> Suspicion
         left_open = np.minimum(suspect.deviations, np.sqrt(np.diag(inverse)[nparam:]))
         across = np.linalg.solve(gram[:nparam, :nparam], gram[:nparam, nparam:])
         change = np.sqrt(found[:nparam] ** 2 + ((across * left_open) ** 2).sum(axis=1))
-    return Suspicion(np.asarray(change, dtype=np.float64), tuple(joints))
+    return np.asarray(change, dtype=np.float64), joints
 
 
 def suspects(equations: Equations, values: Array, scales: bool) -> Iterator[Suspect]:

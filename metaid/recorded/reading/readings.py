@@ -25,11 +25,6 @@ class Repair:
     count: int
     text: str
 
-    @property
-    def summary(self) -> dict[str, object]:
-        """As it is in `metaid estimate --json`."""
-        return {"kind": self.kind, "count": self.count, "text": self.text}
-
 
 @dataclass(frozen=True)
 class Readings:

@@ -98,8 +98,6 @@ def recorded_identified_model(
 def _dynamics(found: RecordedEstimate) -> Dynamics:
     tree, friction = found.possible.tree, friction_of(found.model, found.values)
     plain = friction_of(found.simulator_model, found.simulator.values)
-    parameters = np.zeros((tree.njoint, len(PARAMETERS)))
-    parameters[:, :] = tree.parameters
     notes = not_in_xml(friction)
     if notes:
         notes = [
@@ -109,7 +107,7 @@ def _dynamics(found: RecordedEstimate) -> Dynamics:
         ]
     simulator = _with_friction(found.simulator.tree, plain)
     return Dynamics(
-        law=ArmLaw(tree, parameters, friction),
+        law=ArmLaw(tree, tree.parameters, friction),
         tree=simulator,
         chain=None if found.model.chain is None else _chain(found, found.model.chain, simulator),
         notes=tuple(notes),

@@ -48,7 +48,7 @@ def summary(
                 "rows": len(record.times),
                 "seconds": float(record.times[-1] - record.times[0]),
                 "zeros": zeros,
-                "repairs": [repair.summary for repair in record.repairs],
+                "repairs": [asdict(repair) for repair in record.repairs],
             }
             for record, zeros in logs
         ],

@@ -47,7 +47,6 @@ class Part:
         record: the log.
         windows: of it.
         smoothed: its angles on a regular grid, from which the state of dry friction follows.
-        untrusted: whether a window (nwindow) is left out.
     """
 
     log: int

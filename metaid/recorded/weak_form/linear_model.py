@@ -175,14 +175,6 @@ class LinearModel:
         farthest = np.where(self.slides, 0.0, reach).max()
         return np.asarray(reach < np.maximum(self.least_reach, np.where(self.slides, 0.0, HELD * farthest)))
 
-    def with_untrusted(self, untrusted: NDArray[np.bool_]) -> LinearModel:
-        """The same with other joints (njoint) to whose torques nothing is fitted."""
-        return replace(self, untrusted=untrusted)
-
-    def with_passive(self, passive: NDArray[np.bool_]) -> LinearModel:
-        """The same with other joints (njoint) that have no motor."""
-        return replace(self, passive=passive)
-
     def whole(self, torques: Array, bodies: Array, columns: Callable[[], Array]) -> Array:
         """The squares that errors of torques are shares of (... x njoint): those of the torques, and in a joint without
         a motor of the terms that cancel, summed.

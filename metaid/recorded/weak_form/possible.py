@@ -33,14 +33,12 @@ class PossibleModel:
     Attributes:
         values: the unknowns (nparam).
         tree: its links and rotors, without friction.
-        lengths: of a chain's links but the last (nlink − 1), in m; None of an arm.
         jacobian: how the unknowns (nparam) of a chain change with its free parameters (nparam x nfree), for Coriolis
             lumps follow from lengths; None of an arm.
     """
 
     values: Array
     tree: Tree
-    lengths: Array | None
     jacobian: Array | None
 
 
@@ -178,13 +176,7 @@ class Possible:
         nlinks = len(self._links)
         links = x[:nlinks].reshape(self._tree.njoint, -1)
         length = np.exp(x[nlinks + len(self._friction) :])
-        is_chain = self._model.is_chain
-        return PossibleModel(
-            values=found,
-            tree=self._tree_of(links, length),
-            lengths=length if is_chain else None,
-            jacobian=jacobian if is_chain else None,
-        )
+        return PossibleModel(found, self._tree_of(links, length), jacobian if self._model.is_chain else None)
 
     def refined(self, solution: Solution) -> Solution:
         """The solution that can be, closest to one that was fitted freely."""

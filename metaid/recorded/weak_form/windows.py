@@ -126,7 +126,7 @@ class Windows:
         return averaged
 
 
-def cut_windows(record: Record, span: float, power: int, overlap: float = OVERLAP) -> Windows | None:
+def cut_windows(record: Record, span: float, power: int) -> Windows | None:
     """The windows of a log in which the robot moves; None where there is none with readings enough.
 
     In a window's own time s, from −1 to 1, the angles are a sum of Legendre polynomials.
@@ -135,10 +135,9 @@ def cut_windows(record: Record, span: float, power: int, overlap: float = OVERLA
         record: the log.
         span: length of a window, in s.
         power: degree of the polynomials.
-        overlap: of a window with the next.
     """
     first, last = record.times[0], record.times[-1]
-    apart = (1.0 - overlap) * span
+    apart = (1.0 - OVERLAP) * span
     middles = np.arange(first + 0.5 * span, last - 0.5 * span, apart)
     middles = middles[~record.rests_at(middles)]
     most = float(np.clip(MOST[0] * (7.0 / record.njoint) ** 2, *MOST))
