@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from metaid.recorded import Intake, Record
+from metaid.recorded import Intake, Record, every_run
 
 
 def clean(seconds: float = 8.0, rate: float = 200.0, seed: int = 0) -> pd.DataFrame:
@@ -26,7 +26,7 @@ def intake(joints: tuple[str, ...] = ("1", "2"), **given: object) -> Intake:
 
 def read(log: pd.DataFrame | str, **given: object) -> Record:
     """The one run in a log."""
-    (record,) = intake(**given).read(log)  # type: ignore[arg-type]
+    (record,) = every_run(intake(**given), [log])  # type: ignore[arg-type]
     return record
 
 

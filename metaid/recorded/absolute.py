@@ -15,8 +15,7 @@ import numpy as np
 
 from metaid.errors import RecordError, unknown
 from metaid.models import Array
-from metaid.recorded.reading.log import Record
-from metaid.recorded.reading.readings import Repair
+from metaid.recorded.reading.readings import Record, Repair
 from metaid.recorded.weak_form.linear_model import LinearModel
 
 MOTOR = ":motor"  # after the name of a joint: its motor stands on the base, too

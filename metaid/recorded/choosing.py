@@ -17,7 +17,7 @@ from metaid.models.tree import COLUMNS
 from metaid.recorded.comparing import Missed, Search
 from metaid.recorded.friction_terms import with_friction
 from metaid.recorded.held_out import Yardstick
-from metaid.recorded.reading.log import Record
+from metaid.recorded.reading.readings import Record
 from metaid.recorded.weak_form.equations import Equations, first_equations
 from metaid.recorded.weak_form.folds import folds_of
 from metaid.recorded.weak_form.linear_model import LinearModel

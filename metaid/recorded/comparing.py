@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from metaid.errors import RecordError
 from metaid.models import Array
 from metaid.recorded.held_out import HeldOut, Yardstick
-from metaid.recorded.reading.log import Record
+from metaid.recorded.reading.readings import Record
 from metaid.recorded.weak_form.equations import Equations, equations_of
 from metaid.recorded.weak_form.folds import folds_of
 from metaid.recorded.weak_form.linear_model import LinearModel

@@ -24,7 +24,7 @@ from metaid.recorded.doubts.scales import scales_of, torque_scale
 from metaid.recorded.doubts.suspects import examined, suspects
 from metaid.recorded.gains import Gains
 from metaid.recorded.held_out import HeldOut, Yardstick
-from metaid.recorded.reading.log import Record
+from metaid.recorded.reading.readings import Record
 from metaid.recorded.weak_form.equations import Equations, Solution, equations_of, first_equations
 from metaid.recorded.weak_form.linear_model import LinearModel
 from metaid.recorded.weak_form.normal import ZERO, Blocks, beside_zeros

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from metaid.errors import RecordError
 from metaid.models import COARSEST, DEVIATIONS, Array
 from metaid.models.tree import Tree, torque_regressor
-from metaid.recorded.reading.log import Record
+from metaid.recorded.reading.readings import Record
 from metaid.recorded.weak_form.equations import Equations, Part, first_equations
 from metaid.recorded.weak_form.folds import THIRDS
 from metaid.recorded.weak_form.linear_model import LinearModel

@@ -23,7 +23,8 @@ from metaid.recorded.doubts.conventions import Fact
 from metaid.recorded.estimating import RecordedEstimate, estimate_records
 from metaid.recorded.gains import Gains, Payload, drive_gains
 from metaid.recorded.held_out import HeldOut, Yardstick
-from metaid.recorded.reading.log import Intake, Record, every_run
+from metaid.recorded.reading.log import Intake, every_run
+from metaid.recorded.reading.readings import Record
 from metaid.recorded.reading.stretches import Stretches, refuse_unknown, without
 from metaid.recorded.telling.judging import RecordedVerdict, judge_records
 from metaid.recorded.telling.left_out import LeftOut, left_out, predicted_parts

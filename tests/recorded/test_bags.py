@@ -18,7 +18,7 @@ from rosbags.typesys import Stores, get_typestore
 from swinging import log_of, swinging_arm
 
 from metaid.errors import RecordError
-from metaid.recorded import Intake
+from metaid.recorded import Intake, every_run
 
 JOINTS = ("turret", "shoulder", "elbow")
 START = 1_700_000_000_000_000_000  # ns
@@ -85,8 +85,8 @@ def test_bag_is_read_as_the_table_of_the_same_motion(how: str, tmp_path: Path) -
     """To the last bit, by the stamps of its headers and by the names of its joints."""
     log = moved()
     log.to_csv(tmp_path / "log.csv", index=False)
-    (theirs,) = intake().read(tmp_path / "log.csv")
-    (ours,) = intake().read(write(tmp_path / "bag", {"/joint_states": KINDS}, log, how))
+    (theirs,) = every_run(intake(), [tmp_path / "log.csv"])
+    (ours,) = every_run(intake(), [write(tmp_path / "bag", {"/joint_states": KINDS}, log, how)])
     for name in ("times", "angles", "speeds", "torques"):
         np.testing.assert_array_equal(getattr(ours, name), getattr(theirs, name))
     assert any("1,501 messages of /joint_states" in repair.text for repair in ours.repairs)
@@ -97,10 +97,10 @@ def test_topic_is_asked_for_where_several_would_do(tmp_path: Path) -> None:
     log = moved()
     path = write(tmp_path / "bag", {"/left": KINDS, "/right": KINDS, "/wished": ("position",)}, log, "ROS 2, MCAP")
     with pytest.raises(RecordError, match="--topic, of /left, /right"):
-        intake().read(path)
+        every_run(intake(), [path])
     with pytest.raises(RecordError, match=r"did you mean '/right'\?"):
-        intake("/rihgt").read(path)
-    (record,) = intake("/right").read(path)
+        every_run(intake("/rihgt"), [path])
+    (record,) = every_run(intake("/right"), [path])
     assert len(record.times) == len(log)
 
 
@@ -108,7 +108,7 @@ def test_topics_with_some_kinds_of_readings_each_are_one_log(tmp_path: Path) -> 
     """As of a driver that publishes efforts by themselves."""
     log = moved()
     path = write(tmp_path / "bag", {"/moves": KINDS[:2], "/efforts": KINDS[2:]}, log, "ROS 2, sqlite3")
-    (record,) = intake().read(path)
+    (record,) = every_run(intake(), [path])
     np.testing.assert_array_equal(record.torques, log[[f"effort_{name}" for name in JOINTS]])
 
 
@@ -117,9 +117,9 @@ def test_what_is_no_bag_is_refused_in_one_line(tmp_path: Path) -> None:
     for name in ("log.bag", "log.db3", "log.mcap"):
         (tmp_path / name).write_bytes(b"not a bag at all" * 100)
         with pytest.raises(RecordError, match="not a bag"):
-            intake().read(tmp_path / name)
+            every_run(intake(), [tmp_path / name])
     with pytest.raises(RecordError, match="No such file"):
-        intake().read(tmp_path / "none.mcap")
+        every_run(intake(), [tmp_path / "none.mcap"])
 
 
 @pytest.mark.slow

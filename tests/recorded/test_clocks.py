@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from metaid.recorded import every_run
 from tests.clean_logs import clean, intake, kinds, read
 
 
@@ -26,7 +27,7 @@ def test_log_is_cut_into_runs_at_gaps_and_where_its_clock_was_set_back() -> None
     gap = log.assign(time=np.where(log["time"] < 4.0, log["time"], log["time"] + 1e6))
     again = log.assign(time=np.where(log["time"] < 4.0, log["time"], log["time"] - 4.0))
     for broken, kind in ((gap, "gaps"), (again, "clock")):
-        first, second = intake().read(broken)
+        first, second = every_run(intake(), [broken])
         assert len(first.times) == len(second.times) == 800
         assert second.times[0] == 0.0
         assert (kinds(first), first.repairs[0].count) == ([kind], 1)

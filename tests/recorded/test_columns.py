@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 from metaid.errors import RecordError
+from metaid.recorded import every_run
 from tests.clean_logs import clean, intake, kinds, read
 
 SPELLED: dict[str, tuple[dict[str, str], list[str]]] = {
@@ -101,7 +102,7 @@ def test_columns_of_one_joint_need_no_number() -> None:
     """As a bench of one joint writes them; of two joints nobody knows whose they are."""
     log = clean()[["time", "angle_1", "speed_1", "torque_1"]]
     bare = log.set_axis(["time", "position", "velocity", "torque"], axis=1)
-    (usual,), (record,) = (intake(("shoulder",)).read(each) for each in (log, bare))
+    (usual,), (record,) = (every_run(intake(("shoulder",)), [each]) for each in (log, bare))
     for kind in ("angles", "speeds", "torques"):
         np.testing.assert_array_equal(getattr(record, kind), getattr(usual, kind))
     assert [each.text for each in record.repairs] == ["position is the angle; velocity is the speed"]
@@ -117,10 +118,10 @@ def test_column_of_no_joint_is_refused_in_its_own_spelling() -> None:
         r"'position_3' is of no joint \(allowed: position_1 to position_2, or named as position_j2; or --map of all\)"
     )
     with pytest.raises(RecordError, match=said):
-        intake(("j2", "j4")).read(log)
+        every_run(intake(("j2", "j4")), [log])
     odd = r"position_3' is of no joint \(allowed: position_1 to position_2, or named as position_\\1; or --map of all\)"
     with pytest.raises(RecordError, match=odd):
-        intake(("\\1", "j4")).read(log)
+        every_run(intake(("\\1", "j4")), [log])
 
 
 def test_map_says_what_a_column_is() -> None:

@@ -33,7 +33,7 @@ from metaid.recorded.doubts.falling import falling_torques, named_as_falling
 from metaid.recorded.doubts.odd_logs import odd_log
 from metaid.recorded.doubts.units import units_of
 from metaid.recorded.estimating import RecordedEstimate
-from metaid.recorded.reading.log import Record
+from metaid.recorded.reading.readings import Record
 from metaid.recorded.weak_form.equations import Equations, Part, first_equations
 from metaid.recorded.weak_form.normal import FAR_ZERO
 from metaid.recorded.weak_form.smoothed import Smoothed

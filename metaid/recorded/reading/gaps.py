@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 
 from metaid.recorded.reading.plausible import LEAST_ROWS
-from metaid.recorded.reading.readings import Readings, counted
+from metaid.recorded.reading.readings import Record, counted
 
 GAP = 0.5  # s between two rows: nobody knows what happened there
 RARELY = 20.0  # periods of a log that is read so rarely
 SHORT = 1.0  # s: what is shorter is no run of its own
 
 
-def runs_of(readings: Readings) -> list[Readings]:
+def runs_of(readings: Record) -> list[Record]:
     """The runs between the gaps of a log, the first of which says what was repaired."""
     gap = max(GAP, RARELY * readings.period)
     late = np.flatnonzero(np.diff(readings.times) > gap)

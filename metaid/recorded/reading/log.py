@@ -23,61 +23,13 @@ from metaid.recorded.reading.gaps import runs_of
 from metaid.recorded.reading.merging import Pieces, lacking, merged, sampled_at
 from metaid.recorded.reading.nameless import called_as_file, refusal
 from metaid.recorded.reading.plausible import refuse_few_rows, refuse_implausible
-from metaid.recorded.reading.readings import Readings, Repair, counted
+from metaid.recorded.reading.readings import Record, counted
 from metaid.recorded.reading.repairs import rested, tamed, unwrapped, without_head, without_repeats
 from metaid.recorded.reading.times import begins_again, in_order, in_seconds, numeric_times
 
 MOST_NAMED = 8  # columns, in a message
 NO_READING = 1e15  # in any unit: what a recorder wrote that had none yet
 FEW_LEFT = 0.5  # of the rows: with more that lack a number, a log is refused
-
-
-@dataclass(frozen=True)
-class Record:
-    """What a log holds.
-
-    Attributes:
-        name: of the file.
-        times: when each row was read (nrow), in s.
-        angles: joint coordinates (nrow x njoint), in rad, of slides in m.
-        speeds: of the joints (nrow x njoint), in rad/s or m/s; None where the log has none.
-        torques: of the joints (nrow x njoint), in N m or N; each holds until the next row.
-        repairs: what was repaired and understood of it.
-        rests: the rows (nrow) in which no joint leaves what rounding and noise make; None: in none.
-    """
-
-    name: str
-    times: Array
-    angles: Array
-    speeds: Array | None
-    torques: Array
-    repairs: tuple[Repair, ...] = ()
-    rests: NDArray[np.bool_] | None = None
-
-    @property
-    def njoint(self) -> int:
-        return int(self.angles.shape[1])
-
-    @property
-    def period(self) -> float:
-        """The usual time between two rows, in s."""
-        return float(np.median(np.diff(self.times)))
-
-    def rests_at(self, times: Array) -> NDArray[np.bool_]:
-        """At which of some times (nrow), in s, the robot rests."""
-        if self.rests is None:
-            return np.zeros(len(times), dtype=np.bool_)
-        nearest = np.searchsorted(0.5 * (self.times[1:] + self.times[:-1]), times)
-        return np.asarray(self.rests[nearest], dtype=np.bool_)
-
-    def in_order(self, places: Sequence[int]) -> Record:
-        """The same of joints that stand at those `places` in it (njoint), from 0 on."""
-        speeds = None if self.speeds is None else self.speeds[:, places]
-        return replace(self, angles=self.angles[:, places], speeds=speeds, torques=self.torques[:, places])
-
-    def with_torques(self, torques: Array) -> Record:
-        """The same motion under these `torques` (nrow x njoint)."""
-        return replace(self, torques=torques)
 
 
 @dataclass(frozen=True)
@@ -104,24 +56,10 @@ class Intake:
     needs_torques: bool = True
     rate: float | None = None
 
-    def read(self, log: str | Path | pd.DataFrame, number: int = 1) -> tuple[Record, ...]:
-        """The runs in a log: CSV, Parquet, arrays of MATLAB or NumPy, a bag, or a frame.
-
-        Its columns are `time` and, of every joint by its number or its name, `angle_1` in rad, `speed_1` in rad/s and
-        `torque_1` in N m (of a slide in m, m/s and N), or spelled as people do. All speeds may be missing.
-
-        Args:
-            log: the path of the file, or the frame.
-            number: of the log among several, for a frame, which has no name.
-
-        Raises:
-            RecordError: it is not such a log.
-            MissingExtraError: a package for its format is not installed.
+    def pieces(self, log: str | Path | pd.DataFrame, number: int) -> list[tuple[Table, Understood]]:
+        """The tables in a log, of a bag one a topic, and what their columns are; a frame has its `number` as its name.
+        Raises as `every_run`.
         """
-        return self.run_of(self.pieces(log, number))
-
-    def pieces(self, log: str | Path | pd.DataFrame, number: int = 1) -> list[tuple[Table, Understood]]:
-        """The tables in a log, of a bag one a topic, and what their columns are.  Raises as `read`."""
         tables = [called_as_file(table, len(self.joints)) for table in tables_of(log, number, self.topic)]
         pieces = [(table, understood(table, self.joints, self.columns)) for table in tables]
         return pieces if self.rate is None else [self._timed(*piece, self.rate) for piece in pieces]
@@ -145,7 +83,7 @@ class Intake:
             text = f"the clock was set back {counted(len(parts) - 1, 'time')}: {len(parts)} runs"
             parts = [part.repaired("clock", len(parts) - 1, text) if part is parts[0] else part for part in parts]
         runs = [run for part in parts for run in self._runs(part)]
-        return tuple(self._record(run, f"{name}[{i}]" if len(runs) > 1 else name) for i, run in enumerate(runs, 1))
+        return tuple(replace(run, name=f"{name}[{i}]" if len(runs) > 1 else name) for i, run in enumerate(runs, 1))
 
     def _complete(self, every: Pieces) -> tuple[Table, Understood]:
         """The one table that has all that is needed, or what all make together.  Raises RecordError."""
@@ -167,20 +105,19 @@ class Intake:
             f"time, of each of {len(self.joints)} joints angle_1, torque_1 and perhaps speed_1; or --map OWN=OURS)"
         )
 
-    def _numbers(self, table: Table, columns: Understood) -> Readings:
+    def _numbers(self, table: Table, columns: Understood) -> Record:
         """The cells of a table as numbers, NaN where a cell has none."""
         frame = table.load(columns.wanted)
-        kinds = {
-            kind: _numbers(frame, own, columns.factors) if any(own) else None for kind, own in columns.kinds.items()
-        }
-        angles = kinds["angle"]
-        assert angles is not None
-        if self.untrusted is not None and kinds["torque"] is not None:
-            kinds["torque"][:, self.untrusted] = 0.0
+        names, factors = columns.kinds, columns.factors
+        angles = _numbers(frame, names["angle"], factors)
+        speeds = _numbers(frame, names["speed"], factors) if any(names["speed"]) else None
+        torques = _numbers(frame, names["torque"] or [""] * len(self.joints), factors)
+        if self.untrusted is not None:
+            torques[:, self.untrusted] = 0.0
         times = numeric_times([frame[each] for each in columns.times])
-        return Readings(table.name, columns.kinds, times, angles, kinds["speed"], kinds["torque"], columns.notes)
+        return Record(table.name, times, angles, speeds, torques, columns.notes, names=names)
 
-    def _runs(self, readings: Readings) -> list[Readings]:
+    def _runs(self, readings: Record) -> list[Record]:
         """The runs of a log, repaired, in the order of time, and plausible."""
         readings = in_order(_without_holes(without_head(_at_angles(readings))))
         refuse_few_rows(readings)
@@ -198,11 +135,6 @@ class Intake:
         if still:
             moving[0] = moving[0].repaired("rest", still, f"{counted(still, 'run')} in which no joint moves left out")
         return moving
-
-    @staticmethod
-    def _record(readings: Readings, name: str) -> Record:
-        torques = np.zeros_like(readings.angles) if readings.torques is None else readings.torques
-        return Record(name, readings.times, readings.angles, readings.speeds, torques, readings.repairs, readings.rests)
 
 
 def _numbers(frame: pd.DataFrame, names: Sequence[str], factors: Mapping[str, float]) -> Array:
@@ -222,7 +154,7 @@ def _numbers(frame: pd.DataFrame, names: Sequence[str], factors: Mapping[str, fl
     return numbers * [factors.get(name, 1.0) for name in names]
 
 
-def _at_angles(readings: Readings) -> Readings:
+def _at_angles(readings: Record) -> Record:
     """A log most of whose rows have readings of one topic alone, at the times of the angles: a torque holds until the
     next, speeds are straight between two. Any other as it is.
     """
@@ -232,26 +164,21 @@ def _at_angles(readings: Readings) -> Readings:
     at_once = np.asarray(np.isfinite(readings.angles).all(axis=1))
     kept, count = readings.rows(at_once), int((~at_once).sum())
 
-    def sampled(read: Array | None, holds: bool) -> Array | None:
-        if read is None:
-            return None
+    def sampled(read: Array, holds: bool) -> Array:
         columns = (pd.DataFrame(column) for column in read.T)
         return np.hstack([sampled_at(kept.times, readings.times, column, holds) for column in columns])
 
-    kept = replace(kept, speeds=sampled(readings.speeds, False), torques=sampled(readings.torques, True))
+    speeds = None if readings.speeds is None else sampled(readings.speeds, False)
+    kept = replace(kept, speeds=speeds, torques=sampled(readings.torques, True))
     return kept.repaired("topics", count, f"{counted(count, 'row')} without an angle: torques hold until the next")
 
 
-def _without_holes(readings: Readings) -> Readings:
+def _without_holes(readings: Record) -> Record:
     """The same without rows in which a cell has no number.  Raises RecordError where these are most."""
-    named = [("time", readings.times[:, None])]
-    named += [(kind, getattr(readings, f"{kind}s")) for kind in ("angle", "speed", "torque")]
-    holes = {
-        (readings.names[kind][joint] if kind != "time" else "time"): np.isnan(read[:, joint])
-        for kind, read in named
-        if read is not None
-        for joint in range(read.shape[1])
-    }
+    holes = {"time": np.isnan(readings.times)}
+    for kind, names in readings.names.items():
+        for joint, name in enumerate(names):
+            holes[name] = np.isnan(getattr(readings, f"{kind}s")[:, joint])
     bad = np.any(list(holes.values()), axis=0)
     count = int(bad.sum())
     if not count:
@@ -269,7 +196,19 @@ def _without_holes(readings: Readings) -> Readings:
 
 def every_run(intake: Intake, logs: Iterable[str | Path | pd.DataFrame], first: int = 1) -> tuple[Record, ...]:
     """The runs in several logs, one after the other. Logs that follow one another and have some kinds of readings each
-    are one; `first` is the number of the first log.
+    are one.
+
+    Their columns are `time` and, of every joint by its number or its name, `angle_1` in rad, `speed_1` in rad/s and
+    `torque_1` in N m (of a slide in m, m/s and N), or spelled as people do. All speeds may be missing.
+
+    Args:
+        intake: how they are read.
+        logs: paths of CSV, Parquet, arrays of MATLAB or NumPy, or bags, or frames.
+        first: the number of the first log, for frames, which have no name.
+
+    Raises:
+        RecordError: one is not such a log.
+        MissingExtraError: a package for its format is not installed.
     """
     runs: list[Record] = []
     waiting: list[tuple[Table, Understood]] = []

@@ -1,9 +1,9 @@
-"""What a log says before it is cleaned, and what was repaired in it."""
+"""What a log holds, and what was repaired in it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,31 +27,35 @@ class Repair:
 
 
 @dataclass(frozen=True)
-class Readings:
-    """The numbers of a log, NaN where a cell has none.
+class Record:
+    """What a log holds, NaN where a cell has no number until it is cleaned.
 
     Attributes:
-        name: of the log, for messages.
-        names: of angle, speed and torque the columns, joint by joint.
-        times: of the rows (nrow), in s.
-        angles: of the joints (nrow x njoint), in rad, of slides in m.
-        speeds: (nrow x njoint), in rad/s or m/s; None where the log has none.
-        torques: (nrow x njoint), in N m or N; None where the log has none.
-        repairs: what was mended so far.
-        rests: the rows (nrow) in which no joint moves, once this is known.
+        name: of the file.
+        times: when each row was read (nrow), in s.
+        angles: joint coordinates (nrow x njoint), in rad, of slides in m.
+        speeds: of the joints (nrow x njoint), in rad/s or m/s; None where the log has none.
+        torques: of the joints (nrow x njoint), in N m or N, 0 where the log has none; each holds until the next row.
+        repairs: what was repaired and understood of it.
+        rests: the rows (nrow) in which no joint leaves what rounding and noise make; None: in none.
+        names: of angle, speed and torque the columns in the log, in its order of the joints.
     """
 
     name: str
-    names: Mapping[str, Sequence[str]]
     times: Array
     angles: Array
     speeds: Array | None
-    torques: Array | None
+    torques: Array
     repairs: tuple[Repair, ...] = ()
     rests: NDArray[np.bool_] | None = None
+    names: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.times)
+
+    @property
+    def njoint(self) -> int:
+        return int(self.angles.shape[1])
 
     @property
     def period(self) -> float:
@@ -59,20 +63,32 @@ class Readings:
         steps = np.diff(self.times)
         return float(np.median(steps[steps > 0.0]))
 
-    def rows(self, which: NDArray[np.bool_] | NDArray[np.intp] | slice) -> Readings:
+    def rests_at(self, times: Array) -> NDArray[np.bool_]:
+        """At which of some times (nrow), in s, the robot rests."""
+        if self.rests is None:
+            return np.zeros(len(times), dtype=np.bool_)
+        nearest = np.searchsorted(0.5 * (self.times[1:] + self.times[:-1]), times)
+        return np.asarray(self.rests[nearest], dtype=np.bool_)
+
+    def rows(self, which: NDArray[np.bool_] | NDArray[np.intp] | slice) -> Record:
         """The same with some of the rows alone, or in another order."""
-        return replace(self, times=self.times[which]).mapped(lambda read: read[which])
+        rests = None if self.rests is None else self.rests[which]
+        return replace(self, times=self.times[which], rests=rests).mapped(lambda read: read[which])
 
-    def mapped(self, change: Callable[[Array], Array]) -> Readings:
+    def in_order(self, places: Sequence[int]) -> Record:
+        """The same of joints that stand at those `places` in it (njoint), from 0 on."""
+        return self.mapped(lambda read: read[:, places])
+
+    def mapped(self, change: Callable[[Array], Array]) -> Record:
         """The same with every kind of readings (nrow x njoint) changed in the same way."""
-        return replace(
-            self,
-            angles=change(self.angles),
-            speeds=None if self.speeds is None else change(self.speeds),
-            torques=None if self.torques is None else change(self.torques),
-        )
+        speeds = None if self.speeds is None else change(self.speeds)
+        return replace(self, angles=change(self.angles), speeds=speeds, torques=change(self.torques))
 
-    def repaired(self, kind: str, count: int, text: str) -> Readings:
+    def with_torques(self, torques: Array) -> Record:
+        """The same motion under these `torques` (nrow x njoint)."""
+        return replace(self, torques=torques)
+
+    def repaired(self, kind: str, count: int, text: str) -> Record:
         """The same, with one more repair said."""
         return replace(self, repairs=(*self.repairs, Repair(kind, int(count), text)))
 

@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-
-import numpy as np
 
 from metaid.errors import RecordError, unknown
-from metaid.recorded.reading.log import Record
 from metaid.recorded.reading.plausible import LEAST_ROWS
-from metaid.recorded.reading.readings import Repair, counted
+from metaid.recorded.reading.readings import Record, counted
 
 Stretches = Mapping[str, Sequence[tuple[float, float]]]
 
@@ -41,15 +37,6 @@ def _cut(record: Record, stretches: Sequence[tuple[float, float]]) -> Record:
                 f"leave-out: {record.name} has {what} from {begin:g} to {end:g} s "
                 f"(allowed: some of {times[0]:.4g} to {times[-1]:.4g} s)"
             )
-        kept = np.flatnonzero(~inside)
         text = f"{counted(count, 'row')} from {begin:g} to {end:g} s left out, as asked"
-        record = replace(
-            record,
-            times=times[kept],
-            angles=record.angles[kept],
-            speeds=None if record.speeds is None else record.speeds[kept],
-            torques=record.torques[kept],
-            rests=None if record.rests is None else record.rests[kept],
-            repairs=(*record.repairs, Repair("without", count, text)),
-        )
+        record = record.rows(~inside).repaired("without", count, text)
     return record

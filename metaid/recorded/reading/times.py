@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from metaid.errors import RecordError
 from metaid.models import Array
-from metaid.recorded.reading.readings import Readings, counted
+from metaid.recorded.reading.readings import Record, counted
 
 CLOCKS = ("time", "t", "timestamp", "stamp", "times", "timestamps", "clock", "elapsed", "epoch")
 UNITS = {"s": 1.0, "ms": 1e-3, "µs": 1e-6, "ns": 1e-9}
@@ -49,7 +49,7 @@ def numeric_times(columns: Sequence[pd.Series]) -> Array:
     return np.where(np.isfinite(times), times, np.nan)
 
 
-def in_seconds(readings: Readings, said: str | None = None) -> Readings:
+def in_seconds(readings: Record, said: str | None = None) -> Record:
     """The same with times in s from its first row on. Their usual step tells the unit, for a log of a robot has 10 Hz
     to 10 kHz; between two that are possible the speeds tell.
 
@@ -77,7 +77,7 @@ def in_seconds(readings: Readings, said: str | None = None) -> Readings:
     return timed.repaired("unit of times", len(readings), f"times are in {unit}: the log has {rate:.4g} Hz")
 
 
-def _usual_step(readings: Readings) -> float:
+def _usual_step(readings: Record) -> float:
     finite = readings.times[np.isfinite(readings.times)]
     steps = np.diff(np.sort(finite))
     steps = steps[steps > 0.0]
@@ -86,7 +86,7 @@ def _usual_step(readings: Readings) -> float:
     return float(np.median(steps))
 
 
-def _disagreement(readings: Readings, size: float) -> float:
+def _disagreement(readings: Record, size: float) -> float:
     """How far speeds are from the change of the angles, were the unit of times so many s, as a logarithm."""
     assert readings.speeds is not None
     steps = size * np.diff(readings.times)
@@ -96,7 +96,7 @@ def _disagreement(readings: Readings, size: float) -> float:
     return abs(float(np.log(max(float(np.nansum(said)), 1e-300) / max(whole, 1e-300))))
 
 
-def in_order(readings: Readings) -> Readings:
+def in_order(readings: Record) -> Record:
     """The same with times that do not fall: sorted, and without rows that are there twice."""
     back = int((np.diff(readings.times) < 0.0).sum())
     if back:
@@ -109,12 +109,12 @@ def in_order(readings: Readings) -> Readings:
     return _without(readings, same, "that are there twice")
 
 
-def rising(readings: Readings) -> Readings:
+def rising(readings: Record) -> Record:
     """The same with times that rise: of rows that are at the same time the first alone."""
     return _without(readings, np.diff(readings.times) <= 0.0, "at the time of the row above")
 
 
-def _without(readings: Readings, late: NDArray[np.bool_], which: str) -> Readings:
+def _without(readings: Record, late: NDArray[np.bool_], which: str) -> Record:
     """The same without rows after the first (nrow − 1)."""
     count = int(late.sum())
     if not count:
@@ -123,7 +123,7 @@ def _without(readings: Readings, late: NDArray[np.bool_], which: str) -> Reading
     return kept.repaired("repeated times", count, f"{counted(count, 'row')} {which}: left out")
 
 
-def begins_again(readings: Readings) -> list[Readings]:
+def begins_again(readings: Record) -> list[Record]:
     """The parts of a log whose clock was set back, each a run."""
     steps = np.diff(readings.times)
     again = np.flatnonzero(steps < -AGAIN) + 1

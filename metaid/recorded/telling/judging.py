@@ -14,7 +14,7 @@ from metaid.errors import first_of, joints_of
 from metaid.models import COARSEST, DEVIATIONS, Array
 from metaid.recorded.doubts.scales import UNIT
 from metaid.recorded.estimating import RecordedEstimate
-from metaid.recorded.reading.log import Record
+from metaid.recorded.reading.readings import Record
 from metaid.recorded.weak_form.linear_model import LEAST_SLIDE, LEAST_TURN
 from metaid.recorded.weak_form.normal import FAR_ZERO
 

@@ -16,7 +16,7 @@ from metaid.models import IDEAL, Array, Chain, chain_of_lumps
 from metaid.models.tree import PARAMETERS, SHARED, JointFriction, Tree
 from metaid.recorded.estimating import RecordedEstimate
 from metaid.recorded.held_out import Yardstick
-from metaid.recorded.reading.log import Record
+from metaid.recorded.reading.readings import Record
 from metaid.recorded.telling.judging import RecordedVerdict
 from metaid.recorded.weak_form.linear_model import LinearModel
 from metaid.recorded.weak_form.smoothed import Smoothed

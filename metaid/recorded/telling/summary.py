@@ -8,7 +8,7 @@ from typing import Any
 
 from metaid.frames import json_rows
 from metaid.recorded.estimating import RecordedEstimate
-from metaid.recorded.reading.log import Record
+from metaid.recorded.reading.readings import Record
 from metaid.recorded.telling.curves import friction_curves
 from metaid.recorded.telling.judging import RecordedVerdict
 from metaid.recorded.telling.model_files import FileError

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.models import Array
-from metaid.recorded.reading.log import Record
+from metaid.recorded.reading.readings import Record
 from metaid.recorded.weak_form.folds import THIRDS, Fold
 from metaid.recorded.weak_form.linear_model import LinearModel
 from metaid.recorded.weak_form.normal import (

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.models import Array
-from metaid.recorded.reading.log import Record
+from metaid.recorded.reading.readings import Record
 from metaid.recorded.weak_form.linear_model import LinearModel
 
 ANGLES = 20.0  # Hz

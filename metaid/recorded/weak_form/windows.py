@@ -15,7 +15,7 @@ from numpy.polynomial.polynomial import polyval
 from numpy.typing import NDArray
 
 from metaid.models import Array
-from metaid.recorded.reading.log import Record
+from metaid.recorded.reading.readings import Record
 
 OVERLAP = 0.5  # of a window with the next
 MOST = 2_500, 10_000  # windows of a log, of robots with many joints and with few: of a longer one every second alone
