@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.models import Array
-from metaid.recorded.motion import AHEAD, Begun, simulated, starts_of
+from metaid.recorded.motion import AHEAD, Begun, Motion, simulated, starts_of
 from metaid.recorded.weak_form.equations import SHIFT, Equations, Solution
 from metaid.recorded.weak_form.folds import Fold
 from metaid.recorded.weak_form.linear_model import LinearModel
@@ -45,28 +45,66 @@ class HeldOut:
     Attributes:
         by: whether whole `logs` or `blocks` were left out.
         joints: the names of the joints (njoint).
-        missed: root mean square of the torque that was not predicted (njoint), in N m or N.
-        of: root mean square of the torque (njoint), in N m or N; of a joint without a motor that of the terms that
-            cancel.
-        folds: the relative error of each fold (nfold).
-        seconds: how long simulations were.
-        angle: root mean square error of the angles at their end (njoint), in rad or m.
-        constant_speed: what a constant speed would make of it (njoint).
-        motions: error of each fold (nfold), root mean square over joints, each as a share of what a constant speed
-            makes.
         parts: of each log in each fold which rows were predicted, and by what.
+        simulated: how simulations of each log in each fold ended; none where nothing could be simulated.
     """
 
     by: str
     joints: tuple[str, ...]
-    missed: Array
-    of: Array
-    folds: Array
-    seconds: float
-    angle: Array
-    constant_speed: Array
-    motions: Array
-    parts: tuple[Part, ...] = field(default=(), repr=False, compare=False)
+    parts: tuple[Part, ...] = field(repr=False)
+    simulated: tuple[Motion, ...] = field(repr=False)
+
+    @cached_property
+    def missed(self) -> Array:
+        """Root mean square of the torque that was not predicted (njoint), in N m or N."""
+        return self._usual([part.squares for part in self.parts])
+
+    @cached_property
+    def of(self) -> Array:
+        """Root mean square of the torque (njoint), in N m or N; of a joint without a motor that of the terms that
+        cancel.
+        """
+        return self._usual([part.whole for part in self.parts])
+
+    def _usual(self, squares: Sequence[Array]) -> Array:
+        """The root of the mean over all rows, from the sum of `squares` of each part (njoint each)."""
+        count = sum(int(part.rows.sum()) for part in self.parts)
+        return np.sqrt(sum(squares, np.zeros(len(self.joints))) / max(count, 1))
+
+    @cached_property
+    def folds(self) -> Array:
+        """The relative error of each fold (nfold)."""
+        numbers = sorted({part.fold for part in self.parts})
+        return np.array([_relative([part for part in self.parts if part.fold == number]) for number in numbers])
+
+    @property
+    def angle(self) -> Array:
+        """Root mean square error of the angles at the end of simulations (njoint), in rad or m; NaN where there are
+        none.
+        """
+        return np.sqrt(self._mean_squares([each.angle for each in self.simulated]))
+
+    @property
+    def constant_speed(self) -> Array:
+        """What a constant speed would make of it (njoint)."""
+        return np.sqrt(self._mean_squares([each.constant_speed for each in self.simulated]))
+
+    @cached_property
+    def motions(self) -> Array:
+        """The error of simulated angles in each fold (nfold), root mean square over joints, each as a share of what a
+        constant speed makes; none where nothing could be simulated.
+        """
+        shares = []
+        for number in sorted({each.fold for each in self.simulated}):
+            own = [each for each in self.simulated if each.fold == number]
+            usual = self._mean_squares([each.constant_speed for each in own])
+            shares.append(self._mean_squares([each.angle for each in own]) / np.maximum(usual, 1e-300))
+        return np.array([np.sqrt(share.mean()) for share in shares])
+
+    def _mean_squares(self, errors: Sequence[Array]) -> Array:
+        """Of some errors (nstart x njoint each) of each joint (njoint)."""
+        every = np.concatenate(errors) if errors else np.full((1, len(self.joints)), np.nan)
+        return np.asarray((every**2).mean(axis=0), dtype=np.float64)
 
     @property
     def relative(self) -> float:
@@ -100,7 +138,7 @@ class HeldOut:
                 ],
             },
             "motion": {
-                "seconds": self.seconds,
+                "seconds": AHEAD,
                 "angle": [each if np.isfinite(each) else None for each in self.angle.tolist()],
                 "constant_speed": [each if np.isfinite(each) else None for each in self.constant_speed.tolist()],
             },
@@ -256,30 +294,31 @@ class Yardstick:
         simulated side by side, which takes little longer than one of them.
         """
         predicted = [self._predicted(*each) for each in candidates]
-        found: list[HeldOut | None] = [None] * len(candidates)
-        begun = [
-            [
-                Begun(each.fold, self.logs[each.log], starts, each.values, each.zeros)
-                for each in own.parts
-                if len(starts := starts_of(self.logs[each.log], each.rows, max(4, most // each.nlog)))
-            ]
-            if with_motion and not own.untrusted
-            else []
-            for own in predicted
-        ]
-        alike: dict[tuple[int, float], list[int]] = {}
+        alike: dict[tuple[int, float, float], list[tuple[int, Begun]]] = {}
         for number, (equations, _) in enumerate(candidates):
-            alike.setdefault((id(equations.model), equations.delay), []).append(number)
-        for numbers in alike.values():
-            equations = candidates[numbers[0]][0]
-            moved = _simulated(equations.model, equations.delay, [begun[number] for number in numbers])
-            for number, motion in zip(numbers, moved, strict=True):
-                found[number] = self._told(equations.model, predicted[number], *motion)
-        return [each for each in found if each is not None]
+            if not with_motion or equations.model.untrusted.any():  # by an unknown torque nothing can be simulated
+                continue
+            for part in predicted[number]:
+                own = self.logs[part.log]
+                starts = starts_of(own, part.rows, max(4, most // part.nlog))
+                if len(starts):
+                    key = id(equations.model), equations.delay, round(own.period, 9)  # of one grid but for rounding
+                    begun = Begun(part.fold, own, starts, part.values, part.zeros)
+                    alike.setdefault(key, []).append((number, begun))
+        moved: list[list[Motion]] = [[] for _ in candidates]
+        for every in alike.values():
+            equations, _ = candidates[every[0][0]]
+            ended = simulated(equations.model, [begun for _, begun in every], equations.delay)
+            for (number, _), motion in zip(every, ended, strict=True):
+                moved[number].append(motion)
+        return [
+            HeldOut(self.by, equations.model.joints, parts, tuple(motions))
+            for (equations, _), parts, motions in zip(candidates, predicted, moved, strict=True)
+        ]
 
-    def _predicted(self, equations: Equations, solutions: Sequence[Solution]) -> _Predicted:
+    def _predicted(self, equations: Equations, solutions: Sequence[Solution]) -> tuple[Part, ...]:
         """Torques of all folds, each by a solution of its own."""
-        model, delay, n = equations.model, equations.delay, equations.model.njoint
+        model, delay = equations.model, equations.delay
         parts = []
         for number, (fold, solution) in enumerate(zip(self.folds, solutions, strict=True)):
             for log in fold.logs:
@@ -292,88 +331,13 @@ class Yardstick:
                 squares = model.trusted_alone((left**2).sum(axis=0))
                 whole = self.whole(model, solution.values[: model.nbody], log, sent)[rows].sum(axis=0)
                 parts.append(Part(number, log, len(fold.logs), rows, squares, whole, solution.values, zeros))
-        return _Predicted(tuple(parts), n, bool(model.untrusted.any()))
-
-    def _told(self, model: LinearModel, predicted: _Predicted, ended: Array, unmoved: Array, motions: Array) -> HeldOut:
-        """What torques and simulations were, in one."""
-        squares, whole, count = predicted.sums
-        return HeldOut(
-            by=self.by,
-            joints=model.joints,
-            missed=np.sqrt(squares / max(count, 1)),
-            of=np.sqrt(whole / max(count, 1)),
-            folds=predicted.folds,
-            seconds=AHEAD,
-            angle=np.sqrt((ended**2).mean(axis=0)),
-            constant_speed=np.sqrt((unmoved**2).mean(axis=0)),
-            motions=motions,
-            parts=predicted.parts,
-        )
-
-
-@dataclass(frozen=True)
-class _Predicted:
-    """The parts of all folds, of so many joints, and whether some torques are not trusted, by which nothing can be
-    simulated.
-    """
-
-    parts: tuple[Part, ...]
-    njoint: int
-    untrusted: bool
-
-    @property
-    def sums(self) -> tuple[Array, Array, int]:
-        """Squares of what was missed and of the whole (njoint each), and of how many rows."""
-        nothing = np.zeros(self.njoint)
-        squares = sum((part.squares for part in self.parts), nothing)
-        whole = sum((part.whole for part in self.parts), nothing)
-        return squares, whole, sum(int(part.rows.sum()) for part in self.parts)
-
-    @property
-    def folds(self) -> Array:
-        """The relative error of each fold (nfold)."""
-        numbers = sorted({part.fold for part in self.parts})
-        return np.array([_relative([part for part in self.parts if part.fold == number]) for number in numbers])
+        return tuple(parts)
 
 
 def _relative(parts: Sequence[Part]) -> float:
     """The error of some parts together, as a share of what the torques are."""
     whole = sum(float(part.whole.sum()) for part in parts)
     return float(np.sqrt(sum(float(part.squares.sum()) for part in parts) / max(whole, 1e-300)))
-
-
-def _simulated(
-    model: LinearModel, delay: float, candidates: Sequence[Sequence[Begun]]
-) -> list[tuple[Array, Array, Array]]:
-    """Of each candidate errors of simulations (nstart x njoint), those of a constant speed, and the error of each fold
-    as a share of these, root mean square over joints (nfold); NaN where there are none.
-    """
-    every = [(number, each) for number, begun in enumerate(candidates) for each in begun]
-    ends: list[list[Array]] = [[] for _ in candidates]
-    constant: list[list[Array]] = [[] for _ in candidates]
-    owners: list[list[int]] = [[] for _ in candidates]
-    for period in sorted({round(each.own.period, 9) for _, each in every}):  # of one grid but for rounding
-        own = [(number, each) for number, each in every if round(each.own.period, 9) == period]
-        motion = simulated(model, [each for _, each in own], delay)
-        edges = np.cumsum([len(each.starts) for _, each in own])[:-1]
-        parts = zip(own, np.split(motion.angle, edges), np.split(motion.constant_speed, edges), strict=True)
-        for (number, each), end, still in parts:
-            ends[number].append(end)
-            constant[number].append(still)
-            owners[number] += [each.fold] * len(end)
-    nothing = np.full((1, model.njoint), np.nan)
-    found = []
-    for ended, unmoved, folds in zip(ends, constant, owners, strict=True):
-        if not ended:
-            found.append((nothing, nothing, np.zeros(0)))
-            continue
-        one, other, owner = np.concatenate(ended), np.concatenate(unmoved), np.array(folds)
-        shares = [
-            (one[owner == fold] ** 2).mean(axis=0) / np.maximum((other[owner == fold] ** 2).mean(axis=0), 1e-300)
-            for fold in np.unique(owner)
-        ]
-        found.append((one, other, np.sqrt(np.mean(shares, axis=1))))
-    return found
 
 
 def _middle(own: Smoothed) -> float:

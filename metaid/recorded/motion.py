@@ -42,11 +42,11 @@ class Begun:
 
 @dataclass(frozen=True)
 class Motion:
-    """Errors of simulations that are `seconds` long: of the `angle` at their end (nstart x njoint), in rad or m, and of
-    what a `constant_speed` would make of it.
+    """Errors of simulations of a `fold`, AHEAD s after they begin: of the `angle` (nstart x njoint), in rad or m, and
+    of what a `constant_speed` would make of it.
     """
 
-    seconds: float
+    fold: int
     angle: Array
     constant_speed: Array
 
@@ -67,8 +67,8 @@ def starts_of(own: Smoothed, which: NDArray[np.bool_], most: int) -> NDArray[np.
     return np.asarray(rows[chosen], dtype=np.intp)
 
 
-def simulated(model: LinearModel, begun: Sequence[Begun], delay: float) -> Motion:
-    """How simulations end, all of them side by side.
+def simulated(model: LinearModel, begun: Sequence[Begun], delay: float) -> list[Motion]:
+    """How each of several simulations ends, all of them side by side.
 
     Args:
         model: what is unknown.
@@ -138,4 +138,6 @@ def simulated(model: LinearModel, begun: Sequence[Begun], delay: float) -> Motio
                 sliding = model.sliding.after(sliding, 0.5 * (speeds + after), step)
                 angles, speeds = angles + 0.5 * step * (speeds + after), after
         missed = np.nan_to_num(angles - seen, nan=LOST, posinf=LOST, neginf=-LOST)
-    return Motion(steps * period, np.clip(missed, -LOST, LOST), constant)
+    edges = np.cumsum(sizes)[:-1]
+    ended = zip(begun, np.split(np.clip(missed, -LOST, LOST), edges), np.split(constant, edges), strict=True)
+    return [Motion(each.fold, angle, constant_speed) for each, angle, constant_speed in ended]
