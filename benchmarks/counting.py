@@ -110,9 +110,9 @@ def match(links: int, seed: int) -> Match:
     half = covers = None
     if found.extent is not None:
         half = float(0.5 * np.expm1(np.ptp(found.extent, axis=0)).max())
-        true = found.design @ truth
+        true = found.searched.design @ truth
         covers = bool(((found.extent[0] <= true) & (true <= found.extent[1])).all())
-    error = float(np.abs(np.expm1(found.design @ (found.log_factors - truth))).max())
+    error = float(np.abs(np.expm1(found.searched.design @ (found.log_factors - truth))).max())
     return Match(links, seed, half_periods, found.counts, round(found.misfit), error, half, covers, seconds)
 
 

@@ -135,9 +135,9 @@ def _tried(spec: StudySpec) -> list[Any]:
 
 
 def _judge(links: int, seed: int, trials: int, estimate: Estimate, truth: Array, seconds: float) -> Matched:
-    error = estimate.design @ (estimate.log_factors - truth)
+    error = estimate.searched.design @ (estimate.log_factors - truth)
     inside = np.abs(error) <= 1.96 * estimate.value_deviations / estimate.values
-    kinds = np.array([kind_of(name) for name in estimate.lump_names])
+    kinds = np.array([kind_of(name) for name in estimate.searched.lump_names])
     named = [kind for kind in KINDS if (kinds == kind).any()]
     errors = {kind: float(np.abs(np.expm1(error[kinds == kind])).max()) for kind in named}
     covered = {kind: float(inside[kinds == kind].mean()) for kind in named}

@@ -166,10 +166,6 @@ class ArmEstimate(Found):
     share_of = "what was not known"
 
     @property
-    def joints(self) -> tuple[str, ...]:
-        return self.searched.joints
-
-    @property
     def values(self) -> Array:
         """The base parameters (nbase)."""
         return self.searched.values(self.unknowns)

@@ -5,13 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from metaid.estimation.faults import FoundFaults, found_faults
 from metaid.estimation.fit import Fit, Growing, find, refine
+from metaid.estimation.unknowns import Unknowns
 from metaid.models import COARSEST, DEVIATIONS, Array, Lumps, half_width, mass_matrix
+
+if TYPE_CHECKING:
+    from metaid.estimation.log_unknowns import LogUnknowns
 
 POSES = 64  # at which a mass matrix is looked at
 
@@ -22,7 +26,8 @@ class Found(Fit):
     its parameters, with log factors, and its lumps; those of an arm are its base parameters, both.
 
     Attributes:
-        faults: that were searched beside what is unknown of it; None where none were.
+        searched: what was unknown of it.
+        faults: that were searched beside that; None where none were.
         torque_noise: standard deviation of the noise of each joint's torque (njoint), in N m, that was found; None
             where none was looked for.
         led_misfit: the misfit of the twin that the readings lead, where noise of the torques stands for what the model
@@ -32,6 +37,7 @@ class Found(Fit):
         counts: how many counts were compared, of which the misfit is the number that differs; None where none were.
     """
 
+    searched: Unknowns
     faults: FoundFaults | None = None
     torque_noise: Array | None = None
     led_misfit: float | None = None
@@ -44,7 +50,7 @@ class Found(Fit):
     @property
     def joints(self) -> tuple[str, ...]:
         """What the joints are called (njoint)."""
-        raise NotImplementedError
+        return self.searched.joints
 
     @property
     def to_numbers(self) -> Array:
@@ -143,25 +149,19 @@ class Found(Fit):
 
 @dataclass(frozen=True, kw_only=True)
 class Estimate(Found):
-    """What all trials say of a chain, whose unknowns are log factors z of its parameters; see `Unknowns`. Its lumps are
-    a view of these.
-
-    Attributes:
-        lumps: the chain's lumps; those that were known are the nominal's.
-        lump_names: of those that follow from the unknowns (nlump).
-        design: how the logarithms of these follow from z (nlump x nunknown).
+    """What all trials say of a chain, whose unknowns are log factors z of its parameters; see `LogUnknowns`. Its lumps
+    are a view of these.
     """
 
-    lumps: Lumps
-    lump_names: tuple[str, ...]
-    design: Array
+    searched: LogUnknowns
 
     lacks = "friction, play, torques that come late or are cut off, or wrong lengths"
     share_of = "all lumps"
 
-    @property
-    def joints(self) -> tuple[str, ...]:
-        return tuple(f"joint {i + 1}" for i in range(self.lumps.nlink))
+    @cached_property
+    def lumps(self) -> Lumps:
+        """The chain's; those that were known are the nominal's."""
+        return self.searched.lumps(self.log_factors)
 
     @property
     def log_factors(self) -> Array:
@@ -179,12 +179,12 @@ class Estimate(Found):
 
     @property
     def to_values(self) -> Array:
-        return np.asarray(self.values[:, None] * self.design, dtype=np.float64)
+        return np.asarray(self.values[:, None] * self.searched.design, dtype=np.float64)
 
     @property
     def values(self) -> Array:
         """The lumps that follow from the unknowns (nlump)."""
-        return self.lumps.vector_of(tuple(dict.fromkeys(name.partition("_")[0] for name in self.lump_names)))
+        return self.lumps.vector_of(self.searched.kinds)
 
     @property
     def coarsest(self) -> Array:
@@ -203,7 +203,7 @@ class Estimate(Found):
         """Eq. 27; where counts are compared the `extent`."""
         values = self.values
         if self.extent is not None:
-            low, high = values * np.exp(self.extent - self.design @ self.log_factors)
+            low, high = values * np.exp(self.extent - self.searched.design @ self.log_factors)
             return low, high
         reach = np.exp(DEVIATIONS * deviations / values)
         return values / reach, values * reach

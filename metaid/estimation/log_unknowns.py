@@ -163,9 +163,7 @@ class LogUnknowns:
 
     def estimated(self, found: dict[str, Any]) -> Estimate:
         """The estimate with the fields of a `Fit` that were `found`."""
-        log_factors = found["unknowns"]
-        lumps, names = self.lumps(log_factors), tuple(self.lump_names)
-        return Estimate(**found, lumps=lumps, lump_names=names, design=self.design)
+        return Estimate(**found, searched=self)
 
 
 def coriolis_of(lengths: Array, gravity: Array) -> Array:

@@ -134,11 +134,6 @@ class StudiedArm:
     # What an estimate is of.
 
     @property
-    def given(self) -> dict[str, Any]:
-        """What of an estimate follows from the study, by the names of its fields."""
-        return {"searched": self.unknowns}
-
-    @property
     def unknowns(self) -> Any:
         """What an estimate is of."""
         from metaid.estimation import BaseUnknowns

@@ -168,8 +168,6 @@ class StudiedChain:
 
     # What an estimate is of.
 
-    given: dict[str, Any] = {}  # noqa: RUF012, of an estimate what follows from the study: nothing
-
     @property
     def estimated_kinds(self) -> tuple[str, ...]:
         """The kinds of lumps that an estimate is of."""

@@ -95,9 +95,9 @@ def test_whole_counts_give_all_lumps_of_two_links(two_links: Counting, matched: 
     """Coriolis and inertia lumps too, within 2 %, from masses wrong by up to 30 %; the truth is within the extent."""
     assert matched.misfit == 0.0
     assert matched.counts == 5 * 4 * WINDOWS * 2
-    assert np.abs(np.expm1(matched.design @ (matched.log_factors - two_links.truth))).max() < 0.02
+    assert np.abs(np.expm1(matched.searched.design @ (matched.log_factors - two_links.truth))).max() < 0.02
     assert matched.extent is not None
-    true = matched.design @ two_links.truth
+    true = matched.searched.design @ two_links.truth
     assert (matched.extent[0] <= true).all()
     assert (true <= matched.extent[1]).all()
     assert np.abs(two_links.truth).max() > 0.1

@@ -134,9 +134,7 @@ def _estimate(counts: Counts, model: Model, steps: int) -> Estimate:
             covariance = _covariance(extremes)
     return Estimate(
         names=tuple(unknowns.names),
-        lumps=unknowns.lumps(log_factors),
-        lump_names=tuple(unknowns.lump_names),
-        design=unknowns.design,
+        searched=unknowns,
         unknowns=log_factors,
         covariance=covariance,
         cost=model.wrong,

@@ -59,7 +59,7 @@ def estimate_from(kept: Any, problem: Problem, trials: Sequence[Trial], foreign:
         trials: metaid's own.
         foreign: those of others, with the motion that they carry.
     """
-    given = {"seen": lambda: watched_trials(problem, trials, foreign)[:2], **problem.robot.given}
+    given = {"seen": lambda: watched_trials(problem, trials, foreign)[:2], "searched": problem.robot.unknowns}
     try:
         if kept["of"] == _is_of(problem, trials, foreign):
             found = value_of(kept["estimate"], given)

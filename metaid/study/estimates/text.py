@@ -21,20 +21,19 @@ from metaid.estimation import (
     Estimate,
     FoundFaults,
     HeldOut,
+    LogUnknowns,
     Prediction,
     Proposal,
     SearchedFaults,
     TakenUp,
     Unmodelled,
 )
-from metaid.models import Lumps
 from metaid.study.estimates.study_estimate import StudyEstimate
 
 _CLASSES: tuple[type, ...] = (
     StudyEstimate,
     Estimate,
     ArmEstimate,
-    Lumps,
     FoundFaults,
     SearchedFaults,
     TakenUp,
@@ -65,8 +64,8 @@ def value_of(text: str, given: Mapping[str, Any]) -> Any:
 def _plain(value: Any) -> Any:
     if callable(value):
         return {"given": "seen"}  # of a `StudyEstimate`
-    if isinstance(value, BaseUnknowns):
-        return {"given": "searched"}  # of an `ArmEstimate`
+    if isinstance(value, LogUnknowns | BaseUnknowns):
+        return {"given": "searched"}  # of an estimate
     if isinstance(value, np.ndarray):
         numbers = base64.b64encode(np.ascontiguousarray(value).tobytes()).decode("ascii")
         return {"kind": value.dtype.str, "shape": value.shape, "array": numbers}
