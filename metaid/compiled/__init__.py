@@ -26,7 +26,7 @@ from metaid.compiled.quiet import quiet_mujoco
 from metaid.compiled.sharing import share_out
 from metaid.compiled.stages import DirectStep, MujocoStep, fastest_step, mujoco_step
 from metaid.compiled.undocumented import class_of
-from metaid.compiled.validation_loops import coasting_steps, track_compiled
+from metaid.compiled.validation_loops import track_compiled
 
 __all__ = [
     "BLOCK",
@@ -41,7 +41,6 @@ __all__ = [
     "Spread",
     "agrees_with_stepwise",
     "class_of",
-    "coasting_steps",
     "compiled",
     "correct",
     "fastest_loop",

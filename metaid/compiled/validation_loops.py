@@ -1,7 +1,4 @@
-"""The two loops of a validation, compiled: a push that is watched while it coasts, and computed torque along a motion.
-
-`metaid.results` has both step by step in Python, with the same numbers to rounding.
-"""
+"""The loop of a validation of a chain, compiled: computed torque along a motion."""
 
 from __future__ import annotations
 
@@ -14,27 +11,6 @@ from metaid.compiled.quiet import quiet_mujoco
 from metaid.compiled.stages import fastest_step
 from metaid.models import Array, Lumps
 from metaid.plant import MujocoPlant, Start
-
-
-def coasting_steps(plant: MujocoPlant, lumps: Lumps, impulses: Array, steps: int, share: float) -> int:
-    """For how many steps a plant coasts after a push.
-
-    Args:
-        plant: it is pushed from rest upright.
-        lumps: of the law that compensates it.
-        impulses: of the push (njoint), in N s.
-        steps: after which it is no longer watched.
-        share: of the fastest link's speed after the push, by which a joint's speed may change.
-
-    Returns:
-        The steps after which every joint speed was within the share, at most `steps`.
-    """
-    chain, links = fastest_step(plant), np.zeros(plant.njoint, LINK)
-    plant.push(Start.upright(impulses))
-    pushed = plant.states()[1]
-    tolerance = share * np.abs(np.cumsum(pushed)).max()
-    with quiet_mujoco():
-        return int(_coast(chain, pushed, _law(plant, lumps), links, steps, tolerance))
 
 
 def track_compiled(
@@ -85,20 +61,6 @@ def _place(chain, links):  # type: ignore[no-untyped-def]
         speed += chain.qvel[i]
         links[i].angle = angle
         links[i].speed = speed
-
-
-@compiled
-def _coast(chain, pushed, law, links, steps, tolerance):  # type: ignore[no-untyped-def]
-    """Steps until a joint speed differs by more than the `tolerance`, in rad/s, from that `pushed` (njoint)."""
-    for step in range(steps):
-        _place(chain, links)
-        look(chain, links, 0.0)  # type: ignore[no-untyped-call]
-        compensate(law, links, chain.qvel, chain.torque)
-        advance(chain, links)  # type: ignore[no-untyped-call]
-        for i in range(links.shape[0]):
-            if not abs(chain.qvel[i] - pushed[i]) <= tolerance:  # so that NaN is no coasting
-                return step
-    return steps
 
 
 @compiled

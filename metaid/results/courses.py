@@ -17,7 +17,9 @@ import numpy as np
 from metaid.episode import REACH, natural_time, rich_pushes
 from metaid.errors import StudyError
 from metaid.models import Array, Chain, ChainModel, Lumps
+from metaid.models.tree import Tree
 from metaid.plant import ArmPlant, ArmStart, MujocoPlant
+from metaid.results.coasting import arm_coasting_steps, coasting_steps
 from metaid.results.control import AMPLITUDE, BANDWIDTH, LOST, smooth_sinusoids, track
 from metaid.study import HORIZON
 
@@ -84,7 +86,7 @@ def _arm_course(plant: ArmPlant, problem: Any, laws: Mapping[str, Any], pushes: 
 
     speed = problem.spec.study.episode.speed
     starts = draw_free_starts(problem.nominal, pushes, ARM_HORIZON, seed, speed)
-    return ArmCourse(plant, problem.nominal.parameters, laws["identified"], tuple(starts))
+    return ArmCourse(plant, problem.nominal, laws["identified"], tuple(starts))
 
 
 @dataclass(frozen=True)
@@ -120,8 +122,6 @@ class ChainCourse:
 
     def coasting(self, law: Lumps) -> Array:
         """Until a joint's speed has changed by a tenth of the speed of the fastest link after the push."""
-        from metaid.compiled import coasting_steps  # loads numba
-
         whole = self._whole(law)
         steps = [coasting_steps(self.plant, whole, impulses, self.steps, COASTING) for impulses in self.pushes]
         return np.array(steps) * self.plant.timestep
@@ -153,13 +153,13 @@ class ArmCourse:
 
     Attributes:
         plant: that moves.
-        nominal: parameters (njoint x 13), whose mass matrix is the metric of coasting.
+        nominal: the nominal arm, whose mass matrix is the metric of coasting.
         feedback: parameters (njoint x 13), whose mass matrix weighs the feedback along the trajectory.
         starts: of the pushes.
     """
 
     plant: ArmPlant
-    nominal: Array
+    nominal: Tree
     feedback: Array
     starts: tuple[ArmStart, ...]
 
@@ -172,8 +172,6 @@ class ArmCourse:
         return np.array([(start.pose, start.speeds) for start in self.starts])
 
     def coasting(self, law: Array) -> Array:
-        from metaid.compiled.spatial import arm_coasting_steps  # loads numba
-
         steps = arm_coasting_steps(self.plant, (law, self.nominal), self.starts, self.steps, COASTING)
         return self.plant.timestep * steps.astype(np.float64)
 

@@ -13,13 +13,14 @@ from conftest import Finished
 from random_arm import random_arm, wrong_tree
 
 import metaid as package
-from metaid.compiled.spatial import arm_coasting_steps, track_arm
+from metaid.compiled.spatial import track_arm
 from metaid.errors import StudyError
 from metaid.models import Array
 from metaid.models.tree import Tree, joint_mass_matrix, joint_torque
 from metaid.plant import ArmPlant, ArmSettings, ArmStart
 from metaid.plant.description import draw_free_starts
 from metaid.results import Validation, smooth_sinusoids
+from metaid.results.coasting import arm_coasting_steps
 from metaid.results.validation import Validated
 
 pytestmark = pytest.mark.slow
@@ -68,9 +69,8 @@ def test_compiled_loops_of_an_arm_give_the_numbers_of_plain_python(tree: Tree) -
     plant, metric = plant_of(tree), wrong_tree(tree, 1)
     starts = draw_free_starts(tree, 3, 0.3, seed=1)
     for law in (tree, metric):
-        laws = law.parameters, metric.parameters
         expected = [coasted_stepwise(plant, law, metric, start, 0.1) for start in starts]
-        assert arm_coasting_steps(plant, laws, starts, STEPS, 0.1).tolist() == expected
+        assert arm_coasting_steps(plant, (law.parameters, metric), starts, STEPS, 0.1).tolist() == expected
         assert (min(expected) == STEPS) == (law is tree)
     motion = smooth_sinusoids(tree.njoint, 0.04, plant.timestep, amplitude=0.1)
     desired = motion.angles[:160], motion.speeds[:160], motion.accelerations[:160]

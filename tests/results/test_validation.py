@@ -11,12 +11,12 @@ import pytest
 from conftest import Finished, law_of, random_links, random_plant
 
 import metaid as package
-from metaid.compiled import coasting_steps
 from metaid.episode import natural_time, rich_pushes
 from metaid.errors import StudyError
 from metaid.models import FRICTION, IDEAL, Array, ChainModel, Lumps, compensation_torque
 from metaid.plant import MujocoPlant, PlantSettings, Start
 from metaid.results import smooth_sinusoids, track, validate_law
+from metaid.results.coasting import coasting_steps
 from metaid.results.control import computed_torque, track_stepwise
 from metaid.results.courses import ChainCourse
 from metaid.results.validation import Validated, fresh_seed

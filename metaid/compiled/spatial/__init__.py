@@ -1,10 +1,10 @@
 """Arms at full speed: their dynamics, and an episode around MuJoCo's step.
 
-`ArmLoop` runs episodes of a simulated arm. `arm_coasting_steps` and `track_arm` say what a model is worth.
+`ArmLoop` runs episodes of a simulated arm. `track_arm` drives one along a motion.
 """
 
 from metaid.compiled.spatial.arm_loop import ArmLoop, QuickSpatial, commanded_arm_torques
-from metaid.compiled.spatial.arm_validation import arm_coasting_steps, track_arm
+from metaid.compiled.spatial.arm_validation import track_arm
 from metaid.compiled.spatial.dynamics import (
     Frames,
     Space,
@@ -24,7 +24,6 @@ __all__ = [
     "QuickSpatial",
     "Space",
     "accelerating_torques",
-    "arm_coasting_steps",
     "commanded_arm_torques",
     "cross",
     "dot",

@@ -1,49 +1,21 @@
-"""The two loops of a validation of an arm, compiled: a coast that is watched, and computed torque along a motion."""
+"""The loop of a validation of an arm, compiled: computed torque along a motion."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
-from numpy.typing import NDArray
 
 from metaid.compiled.decorator import compiled
 from metaid.compiled.quiet import quiet_mujoco
 from metaid.compiled.spatial.arm_loop import step_arm
 from metaid.compiled.spatial.dynamics import (
-    Frames,
     accelerating_torques,
     fill_mass_matrix,
     frames_of,
-    kinetic_squares,
     new_space,
 )
 from metaid.compiled.stages import fastest_step, forget
 from metaid.models import Array
-from metaid.plant import ArmPlant, ArmStart
-
-
-def arm_coasting_steps(
-    plant: ArmPlant, laws: tuple[Array, Array], starts: Sequence[ArmStart], steps: int, share: float
-) -> NDArray[np.int64]:
-    """For how many steps an arm coasts.
-
-    Args:
-        plant: that moves.
-        laws: parameters (njoint x 13 each) of the arm whose bias torque it is sent, and of that whose mass matrix is
-            the metric.
-        starts: from where, one push after another.
-        steps: after which a push is no longer watched.
-        share: of the joint speeds at the start, by which they may change in the metric.
-
-    Returns:
-        The steps of each push (npush) after which the speeds had not changed by more, at most `steps`.
-    """
-    models, space = _models(plant, laws), new_space(plant.njoint)
-    step, vectors = fastest_step(plant), np.zeros((2, plant.njoint))
-    with quiet_mujoco():
-        each = [_coast(step, models, (start.pose, start.speeds), steps, share, (space, vectors)) for start in starts]
-    return np.array(each, dtype=np.int64)
+from metaid.plant import ArmPlant
 
 
 def track_arm(
@@ -61,38 +33,13 @@ def track_arm(
     Returns:
         Joint coordinates (nseen x njoint), up to where control was lost.
     """
-    models, step = _models(plant, laws), fastest_step(plant)
+    law, metric = (np.array(parameters, order="C") for parameters in laws)  # copies, all of one layout
+    models, step = (frames_of(plant.tree), law, metric), fastest_step(plant)
     positions, speeds, accelerations = (np.ascontiguousarray(part) for part in desired)
     seen, work = np.zeros(positions.shape), (new_space(plant.njoint), np.zeros((2, plant.njoint)))
     with quiet_mujoco():
         count = _track(step, models, (positions, speeds, accelerations), bandwidth, lost, work, seen)
     return seen[:count]
-
-
-def _models(plant: ArmPlant, laws: tuple[Array, Array]) -> tuple[Frames, Array, Array]:
-    """What the loops take: where the joints are, and copies of the laws, all of one layout."""
-    law, metric = (np.array(parameters, order="C") for parameters in laws)
-    return frames_of(plant.tree), law, metric
-
-
-@compiled
-def _coast(plant, models, start, steps, share, work):  # type: ignore[no-untyped-def]
-    """Steps until joint speeds differ from those at the `start` by more than a `share` of them, in the metric."""
-    (frames, law, metric), (pose, speeds), (space, vectors) = models, start, work
-    still, change = vectors[0], vectors[1]
-    forget(plant)  # type: ignore[no-untyped-call]
-    for i in range(change.shape[0]):
-        plant.qpos[i], plant.qvel[i] = pose[i], speeds[i]
-    for step in range(steps + 1):
-        accelerating_torques(frames, law, plant.qpos, plant.qvel, still, space, plant.torque)
-        for i in range(change.shape[0]):
-            change[i] = plant.qvel[i] - speeds[i]
-        changed, whole = kinetic_squares(frames, metric, space, change, speeds)
-        if not changed <= share * share * whole:  # so that NaN is no coasting
-            return step - 1
-        if step < steps:
-            step_arm(plant)  # type: ignore[no-untyped-call]
-    return steps
 
 
 @compiled

@@ -1,0 +1,79 @@
+"""For how long a plant coasts after a push: an episode whose joint speeds are looked at step by step."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from metaid.episode import Episode, FallRule, arm_episode
+from metaid.models import Array, Lumps
+from metaid.models.tree import Tree, kinetic_squares
+from metaid.plant import ArmPlant, ArmStart, FaultSettings, MujocoPlant
+
+WITHOUT_FALLS = FallRule(limit=np.inf)
+
+
+def coasting_steps(plant: MujocoPlant, lumps: Lumps, impulses: Array, steps: int, share: float) -> int:
+    """For how many steps a chain coasts after a push.
+
+    Args:
+        plant: it is pushed from rest upright.
+        lumps: of the law that compensates it.
+        impulses: of the push (njoint), in N s.
+        steps: after which it is no longer watched.
+        share: of the fastest link's speed after the push, by which a joint's speed may change.
+
+    Returns:
+        The steps after which every joint speed was within the share, at most `steps`.
+    """
+    from metaid.compiled import CompiledLoop  # loads numba
+
+    loop = CompiledLoop(plant, Episode(impulses[None], steps, WITHOUT_FALLS, keep_angles=True))
+    angles, pushed = loop.run(lumps).angles[0], plant.start_speeds(loop.episode.starts[0])
+    speeds = np.diff(angles, axis=0) / plant.timestep  # MuJoCo turns a joint by the speed that a step leads to
+    changes = np.abs(speeds - pushed).max(axis=1)
+    return _steps_before(changes <= share * np.abs(np.cumsum(pushed)).max())
+
+
+def arm_coasting_steps(
+    plant: ArmPlant, laws: tuple[Array, Tree], starts: Sequence[ArmStart], steps: int, share: float
+) -> NDArray[np.int64]:
+    """For how many steps an arm coasts, with exact sensors and drives, whatever the ranges of its joints.
+
+    Args:
+        plant: that moves.
+        laws: parameters (njoint x 13) of the arm whose bias torque it is sent, and the arm whose mass matrix is the
+            metric.
+        starts: from where, one push after another.
+        steps: after which a push is no longer watched.
+        share: of the joint speeds at the start, by which they may change in the metric.
+
+    Returns:
+        The steps of each push (npush) after which the speeds had not changed by more, at most `steps`.
+    """
+    from metaid.compiled.spatial import ArmLoop  # loads numba
+
+    law, metric = laws
+    exact = plant.settings.model_copy(update={"faults": FaultSettings(tilt=plant.settings.faults.tilt)})
+    unbounded = np.full(plant.njoint, np.inf)
+    endless = replace(metric, low=-unbounded, high=unbounded)
+    episode = arm_episode(endless, starts, np.zeros(len(starts)), steps, fall_rule=WITHOUT_FALLS, readings_steps=steps)
+    seen = ArmLoop(replace(plant, settings=exact, known=plant.tree), episode).run(law).readings
+    assert seen is not None
+    assert seen.speeds is not None
+    coasted = np.zeros(len(starts), dtype=np.int64)
+    for push, count in enumerate(seen.counts):
+        angles, speeds = seen.angles[push, 1:count], seen.speeds[push, 1:count]
+        pushed = np.broadcast_to(starts[push].speeds, speeds.shape)
+        with np.errstate(over="ignore", invalid="ignore"):  # an arm may run away as far as it likes
+            changed, whole = (kinetic_squares(metric, angles, each) for each in (speeds - pushed, pushed))
+        coasted[push] = _steps_before(changed <= share**2 * whole)
+    return coasted
+
+
+def _steps_before(coasts: NDArray[np.bool_]) -> int:
+    """The steps before the first after which it no longer `coasts` (nsteps)."""
+    return len(coasts) if coasts.all() else int(coasts.argmin())
