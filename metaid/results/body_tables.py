@@ -4,7 +4,6 @@ estimate, of an arm the possible bodies that are closest to the nominal ones, an
 
 from __future__ import annotations
 
-from functools import singledispatch
 from typing import Any
 
 import numpy as np
@@ -36,22 +35,20 @@ def bodies_table(snapshot: Snapshot, verdict: Verdict) -> pd.DataFrame:
     if snapshot.estimate is None or verdict.source != "estimate":
         raise StudyError("no bodies: the lumps are those of the best trial, without intervals (allowed: an estimate)")
     with threadpool_limits(1):
-        columns = _bodies(snapshot.estimate.estimate, snapshot.estimate.covariance, snapshot.problem)
+        estimate: Any = snapshot.estimate.estimate
+        if snapshot.spec.is_arm:
+            columns = _of_arm(estimate, snapshot.estimate.covariance, snapshot.problem)
+        else:
+            columns = _of_chain(estimate, snapshot.estimate.covariance, snapshot.problem)
     if columns is None:
         raise StudyError("no bodies: no possible body has the lumps of the estimate: are the lengths right?")
     return pd.DataFrame(columns)
 
 
-@singledispatch
-def _bodies(estimate: Any, covariance: Array, problem: Any) -> dict[str, Any] | None:
-    """The columns of the table, by the `estimate` of a study, with the `covariance` of its numbers; None where there is
+def _of_chain(estimate: Estimate, covariance: Array, problem: Any) -> dict[str, Any] | None:
+    """The columns of the table of a chain, by its `estimate` with the `covariance` of its numbers; None where there is
     no such body.
     """
-    raise TypeError(estimate)
-
-
-@_bodies.register
-def _of_chain(estimate: Estimate, covariance: Array, problem: Any) -> dict[str, Any] | None:
     nominal, plant = problem.nominal, problem.open_plant()
     is_given = problem.spec.study.estimate.lengths == "exact" or "coriolis" not in problem.robot.estimated_kinds
     length = nominal.length if is_given else None
@@ -75,8 +72,8 @@ def _of_chain(estimate: Estimate, covariance: Array, problem: Any) -> dict[str, 
     }
 
 
-@_bodies.register
 def _of_arm(estimate: ArmEstimate, covariance: Array, problem: Any) -> dict[str, Any] | None:
+    """The same of an arm."""
     bodies, truth = known_bodies(problem.robot.prior, estimate.values, covariance), problem.robot.truth
     if bodies is None:
         return None

@@ -7,10 +7,9 @@ models that are compared.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property, singledispatch
-from typing import Any, Protocol
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -30,63 +29,6 @@ SHORTEST, LONGEST = 1.0, 2.0  # s, periods of the joints of an arm along the tra
 ARM_BANDWIDTH = 10.0  # rad/s, of the feedback
 ROOM = 0.5  # of half a joint's range, that the mean joint of an arm swings at most
 SLIDE = 1.0 / 3.0  # m that a slide swings for each rad of a hinge
-
-
-class Course(Protocol):
-    """Where laws of a plant are tried."""
-
-    @property
-    def steps(self) -> int:
-        """For how many each push is watched."""
-
-    @property
-    def pushes(self) -> Array:
-        """Of a chain impulses (npush x njoint), in N s; of an arm joint coordinates and speeds at the starts
-        (npush x 2 x njoint).
-        """
-
-    def coasting(self, law: Any) -> Array:
-        """How long each push (npush) coasts under a law, in s, at most for all steps."""
-
-    def tracking(self, law: Any) -> tuple[Array, bool]:
-        """Errors of the joints (nsteps x njoint), in rad or m, along smooth sinusoids under computed torque with a law,
-        up to where control was lost, and whether it never was.
-        """
-
-    @property
-    def about(self) -> dict[str, Any]:
-        """What else a `Validation` says of it."""
-
-
-@singledispatch
-def course_of(plant: Any, problem: Any, laws: Mapping[str, Any], pushes: int, seed: int) -> Course:
-    """The course of a `plant`.
-
-    Args:
-        plant: that is moved.
-        problem: of the study.
-        laws: that are tried, by name; `identified` is one of them.
-        pushes: how many.
-        seed: of these, as `fresh_seed` makes it.
-
-    Raises:
-        StudyError: the plant is a rig.
-    """
-    raise StudyError(f"plant {plant.name} is a rig, and this needs a simulated plant")
-
-
-@course_of.register
-def _chain_course(plant: MujocoPlant, problem: Any, laws: Mapping[str, Any], pushes: int, seed: int) -> Course:
-    return ChainCourse(plant, problem.nominal, laws["identified"].inertia is None, pushes, seed)
-
-
-@course_of.register
-def _arm_course(plant: ArmPlant, problem: Any, laws: Mapping[str, Any], pushes: int, seed: int) -> Course:
-    from metaid.plant.description import draw_free_starts  # loads MuJoCo
-
-    speed = problem.spec.study.episode.speed
-    starts = draw_free_starts(problem.nominal, pushes, ARM_HORIZON, seed, speed)
-    return ArmCourse(plant, problem.nominal, laws["identified"], tuple(starts))
 
 
 @dataclass(frozen=True)
@@ -114,20 +56,26 @@ class ChainCourse:
 
     @property
     def steps(self) -> int:
+        """For how many each push is watched."""
         return round(COASTING_HORIZON * self.natural_time / self.plant.timestep)
 
     @cached_property
     def pushes(self) -> Array:
+        """Impulses (npush x njoint), in N s."""
         return rich_pushes(self.plant, self.count, REACH / (HORIZON * self.natural_time), self.seed)
 
     def coasting(self, law: Lumps) -> Array:
-        """Until a joint's speed has changed by a tenth of the speed of the fastest link after the push."""
+        """How long each push (npush) coasts under a law, in s: until a joint's speed has changed by a tenth of the
+        speed of the fastest link after the push, at most for all steps.
+        """
         whole = self._whole(law)
         steps = [coasting_steps(self.plant, whole, impulses, self.steps, COASTING) for impulses in self.pushes]
         return np.array(steps) * self.plant.timestep
 
     def tracking(self, law: Lumps) -> tuple[Array, bool]:
-        """The feedback is weighted by the nominal mass matrix, for every model alike."""
+        """Errors of the joints (nsteps x njoint), in rad, along smooth sinusoids under computed torque with a law, up
+        to where control was lost, and whether it never was. The nominal mass matrix weighs the feedback of every law.
+        """
         plant, time = self.plant, self.natural_time
         desired = smooth_sinusoids(plant.njoint, time, plant.timestep)
         model, feedback = ChainModel(self._whole(law), plant.gravity), ChainModel(self.nominal.lumps, plant.gravity)
@@ -136,6 +84,7 @@ class ChainCourse:
 
     @property
     def about(self) -> dict[str, Any]:
+        """What else a `Validation` says of it."""
         return {"natural_time": self.natural_time, "takes_nominal_inertia": self.takes_nominal_inertia}
 
     def _whole(self, law: Lumps) -> Lumps:
@@ -165,18 +114,23 @@ class ArmCourse:
 
     @property
     def steps(self) -> int:
+        """For how many each push is watched."""
         return round(ARM_HORIZON / self.plant.timestep)
 
     @property
     def pushes(self) -> Array:
+        """Joint coordinates and speeds at the starts (npush x 2 x njoint)."""
         return np.array([(start.pose, start.speeds) for start in self.starts])
 
     def coasting(self, law: Array) -> Array:
+        """How long each push (npush) coasts under a law, in s: until the speeds have changed by a tenth in the metric,
+        at most for all steps.
+        """
         steps = arm_coasting_steps(self.plant, (law, self.nominal), self.starts, self.steps, COASTING)
         return self.plant.timestep * steps.astype(np.float64)
 
     def tracking(self, law: Array) -> tuple[Array, bool]:
-        """From the middle of the ranges, with feedback that is the same for every feedforward."""
+        """As of a chain, in rad or m, from the middle of the ranges; the feedback is the same for every feedforward."""
         from metaid.compiled.spatial import track_arm  # loads numba
 
         plant, tree = self.plant, self.plant.tree
@@ -193,4 +147,32 @@ class ArmCourse:
 
     @property
     def about(self) -> dict[str, Any]:
+        """What else a `Validation` says of it."""
         return {"slides": self.plant.tree.slides}
+
+
+Course = ChainCourse | ArmCourse
+
+
+def course_of(plant: Any, problem: Any, identified: Any, pushes: int, seed: int) -> Course:
+    """The course of a `plant`.
+
+    Args:
+        plant: that is moved.
+        problem: of the study.
+        identified: the law that is tried.
+        pushes: how many.
+        seed: of these, as `fresh_seed` makes it.
+
+    Raises:
+        StudyError: the plant is a rig.
+    """
+    nominal = problem.nominal
+    if isinstance(plant, MujocoPlant):
+        return ChainCourse(plant, nominal, identified.inertia is None, pushes, seed)
+    if isinstance(plant, ArmPlant):
+        from metaid.plant.description import draw_free_starts  # loads MuJoCo
+
+        starts = draw_free_starts(nominal, pushes, ARM_HORIZON, seed, problem.spec.study.episode.speed)
+        return ArmCourse(plant, nominal, identified, tuple(starts))
+    raise StudyError(f"plant {plant.name} is a rig, and this needs a simulated plant")

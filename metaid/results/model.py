@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from datetime import UTC, datetime
-from functools import singledispatch
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -13,13 +11,12 @@ import pandas as pd
 import metaid
 from metaid.errors import StudyError
 from metaid.exporting import Dynamics, IdentifiedModel, arm_dynamics, chain_dynamics
-from metaid.models import IDEAL, Array, Chain, Lumps, kind_of
-from metaid.models.tree import Tree
+from metaid.models import IDEAL, Array, Lumps, kind_of
 from metaid.plant import fault_unit
 from metaid.results.snapshot import Snapshot, read_snapshot
 from metaid.results.verdict import Verdict, judge
 from metaid.store import Store
-from metaid.study import StudySpec, with_nominal
+from metaid.study import Problem, StudySpec, with_nominal
 from metaid.study.estimates import StudyEstimate
 
 OF_FRICTION = {"damping": "viscous", "coulomb": "dry"}  # the fault that is of the same law
@@ -54,7 +51,7 @@ def identified_model(snapshot: Snapshot, even_if_not_found: bool = False) -> Ide
     known = table["name"][table["identified"].notna()] if guess is None else table["name"]
     values = dict(zip(table["name"], table["value"].tolist(), strict=True))
     beside = _beside(found if guess is None and verdict.source == "estimate" else None)
-    dynamics = _dynamics(snapshot.problem.nominal, snapshot.problem, values, known.tolist(), beside)
+    dynamics = _dynamics(snapshot.problem, values, known.tolist(), beside)
     return IdentifiedModel(snapshot.name, about, table, covariance, dynamics, spec.gravity, spec.plant.timestep)
 
 
@@ -93,26 +90,19 @@ def _beside(found: StudyEstimate | None) -> dict[str, float]:
     return {} if faults is None else dict(zip(faults.searched.names, faults.values.tolist(), strict=True))
 
 
-@singledispatch
-def _dynamics(
-    nominal: Any, problem: Any, values: dict[str, float], known: list[str], beside: dict[str, float]
-) -> Dynamics:
+def _dynamics(problem: Problem, values: dict[str, float], known: list[str], beside: dict[str, float]) -> Dynamics:
     """How a plant moves.
 
     Args:
-        nominal: the nominal chain or arm.
         problem: of the study.
         values: that were identified, by name.
         known: the names of those that are not the nominal ones.
         beside: faults that were found, by name.
     """
-    raise TypeError(nominal)
-
-
-@_dynamics.register
-def _of_chain(
-    nominal: Chain, problem: Any, values: dict[str, float], known: list[str], beside: dict[str, float]
-) -> Dynamics:
+    if problem.spec.is_arm:
+        found = arm_dynamics(problem.arm.prior, np.array([values[name] for name in problem.names]))
+        return _noting(found, beside, ())
+    nominal = problem.nominal
     lumps = _lumps_of(values, nominal.lumps_of(IDEAL))
 
     def of_joints(kind: str) -> Array:
@@ -125,14 +115,6 @@ def _of_chain(
         replace(lumps, damping=damping, coulomb=coulomb), problem.spec.gravity, nominal, is_known, rotor
     )
     return _noting(found, beside, ("rotor", *OF_FRICTION.values()))
-
-
-@_dynamics.register
-def _of_arm(
-    nominal: Tree, problem: Any, values: dict[str, float], known: list[str], beside: dict[str, float]
-) -> Dynamics:
-    found = arm_dynamics(problem.robot.prior, np.array([values[name] for name in problem.names]))
-    return _noting(found, beside, ())
 
 
 def _noting(found: Dynamics, beside: dict[str, float], held: tuple[str, ...]) -> Dynamics:
