@@ -17,7 +17,8 @@ import numpy as np
 from benchmarks.chains import random_chain
 from metaid.models import Array
 from metaid.plant import FaultSettings, PlantSettings
-from metaid.results import best_trial_frame, lumps_frame
+from metaid.results import lumps_frame, read_snapshot
+from metaid.results.lump_tables import best_table
 from metaid.store import Store
 from metaid.study import Problem, StudySettings, StudySpec, create_study, identifiability, run_study
 from soak.common import SoakResult, soaked
@@ -60,7 +61,9 @@ def errors(spec: StudySpec, folder: Path) -> Array:
         create_study(store, spec, f"{len(store.names())}")
         name = store.names()[-1]
         run_study(store, name)
-        table = lumps_frame(store, name) if spec.study.sampler == "output-error" else best_trial_frame(store, name)
+        table = (
+            lumps_frame(store, name) if spec.study.sampler == "output-error" else best_table(read_snapshot(store, name))
+        )
         found = table["error"].to_numpy(dtype=np.float64)
     ratio: Array = np.abs(found) / promised.resolution
     known: Array = ratio[np.isfinite(ratio) & np.array(promised.determined)]

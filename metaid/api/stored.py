@@ -162,9 +162,9 @@ class Study:
         StorageError, and StudyError where no estimate can be made.
         """
         if not isinstance(self.name, str):
-            return results.optuna_estimate_frame(self.name)
+            return results.estimate_frame(results.snapshot_of(self.name))
         with closing(Store(self.storage or default_storage())) as store:
-            return results.estimate_frame(store, self.name)
+            return results.estimate_frame(read_snapshot(store, self.name))
 
 
 def study(name: str | optuna.Study, storage: str | None = None) -> Study:

@@ -7,31 +7,28 @@ from metaid.results.best import best_rows, identified_factors
 from metaid.results.body_tables import body_rows, describe_possible_bodies
 from metaid.results.candidates import candidates, candidates_of
 from metaid.results.comparison import Comparison, compare
-from metaid.results.control import BANDWIDTH, smooth_sinusoids, track
+from metaid.results.control import smooth_sinusoids, track
 from metaid.results.estimates import (
     describe_known_from,
     describe_trials,
 )
-from metaid.results.findings import MODEL_ERRORS, Findings, findings_of, read_findings
+from metaid.results.findings import MODEL_ERRORS, Findings, read_findings
 from metaid.results.model import identified_model, started_from
 from metaid.results.overview import shown_rows, summary
-from metaid.results.snapshot import Snapshot, read_snapshot
+from metaid.results.snapshot import Snapshot, read_snapshot, snapshot_of
 from metaid.results.sweeps import Plane, Sweep, plane, sweep
 from metaid.results.tables import (
-    best_trial_frame,
     bodies_frame,
     estimate_frame,
     lumps_frame,
-    optuna_estimate_frame,
     studies_frame,
     trials_frame,
 )
 from metaid.results.validation import PUSHES, Validation, validate, validate_law
-from metaid.results.verdict import RESULTS, Verdict, judge, missed
+from metaid.results.verdict import RESULTS, Verdict, judge
 from metaid.study.estimates import interval_name
 
 __all__ = [
-    "BANDWIDTH",
     "MODEL_ERRORS",
     "PUSHES",
     "RESULTS",
@@ -43,7 +40,6 @@ __all__ = [
     "Validation",
     "Verdict",
     "best_rows",
-    "best_trial_frame",
     "bodies_frame",
     "body_rows",
     "candidates",
@@ -53,19 +49,17 @@ __all__ = [
     "describe_possible_bodies",
     "describe_trials",
     "estimate_frame",
-    "findings_of",
     "identified_factors",
     "identified_model",
     "interval_name",
     "judge",
     "lumps_frame",
-    "missed",
-    "optuna_estimate_frame",
     "plane",
     "read_findings",
     "read_snapshot",
     "shown_rows",
     "smooth_sinusoids",
+    "snapshot_of",
     "started_from",
     "studies_frame",
     "summary",

@@ -28,12 +28,6 @@ def best_index(values: Array) -> int:
     return len(values) - 1 - int(values[::-1].argmin())
 
 
-def best_trial(survivors: Sequence[Trial]) -> Trial:
-    """The best of these `survivors`, of which there is one at least."""
-    best = min(trial.outcome.value for trial in survivors)
-    return next(trial for trial in reversed(survivors) if trial.outcome.value == best)
-
-
 def best_rows(survivors: pd.DataFrame, count: int) -> pd.DataFrame:
     """The `count` best rows of a frame of `survivors`, the best first; of equals the later ones are kept."""
     ordered = survivors.iloc[::-1].sort_values("value", kind="stable")

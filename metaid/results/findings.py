@@ -201,11 +201,7 @@ class Findings:
 
 def read_findings(store: Store, name: str) -> Findings:
     """The findings of a study in the DB.  Raises StorageError."""
-    return findings_of(read_snapshot(store, name))
-
-
-def findings_of(snapshot: Snapshot) -> Findings:
-    """The findings of a study that has been read."""
+    snapshot = read_snapshot(store, name)
     verdict = judge(snapshot)
     searched = verdict.shown[verdict.shown["name"].isin(snapshot.problem.names)].reset_index(drop=True)
     return Findings(snapshot, verdict, trials_table(snapshot), searched, summarized(snapshot, verdict))

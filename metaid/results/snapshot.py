@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from metaid.errors import StudyError
-from metaid.results.best import best_trial
+from metaid.results.best import best_index
 from metaid.store import EXPERIMENT, ForeignTrial, Store, Trial, shown_trial
 from metaid.study import (
     ENDED_KEY,
@@ -65,7 +65,10 @@ class Snapshot:
     @property
     def best(self) -> Trial | None:
         """The best of these; None where there is none."""
-        return best_trial(self.survivors) if self.survivors else None
+        survivors = self.survivors
+        if not survivors:
+            return None
+        return survivors[best_index(np.array([trial.outcome.value for trial in survivors]))]
 
     @cached_property
     def estimate(self) -> StudyEstimate | None:

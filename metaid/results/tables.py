@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pandas as pd
 
 from metaid.errors import StudyError
 from metaid.results.body_tables import bodies_table
-from metaid.results.lump_tables import best_table, estimate_table, fault_rows, largest_error
-from metaid.results.snapshot import Snapshot, counted_states, read_snapshot, snapshot_of, trials_table
+from metaid.results.lump_tables import estimate_table, fault_rows, largest_error
+from metaid.results.snapshot import Snapshot, counted_states, read_snapshot, trials_table
 from metaid.results.verdict import judge
 from metaid.store import Store
-
-if TYPE_CHECKING:
-    import optuna
 
 
 def trials_frame(store: Store, name: str) -> pd.DataFrame:
@@ -42,30 +37,14 @@ def lumps_frame(store: Store, name: str) -> pd.DataFrame:
     return verdict.lumps
 
 
-def best_trial_frame(store: Store, name: str) -> pd.DataFrame:
-    """One row a lump that follows from the best trial of a study, whatever the study stands by, as `lumps_frame` has
-    them.
-    """
-    return best_table(read_snapshot(store, name))
-
-
-def estimate_frame(store: Store, name: str) -> pd.DataFrame:
+def estimate_frame(snapshot: Snapshot) -> pd.DataFrame:
     """One row a lump of the estimate from all trials of a study, whichever sampler proposed them, as `lumps_frame` has
     them; without intervals where the model does not explain what was seen.  Raises StudyError where no estimate can be
     made.
     """
-    return _estimated(read_snapshot(store, name))
-
-
-def _estimated(snapshot: Snapshot) -> pd.DataFrame:
     if snapshot.estimate is None:
         raise StudyError(f"study '{snapshot.name}' has no estimate: {snapshot.why_no_estimate}")
     return estimate_table(snapshot.problem, snapshot.estimate, snapshot.estimate.explains)
-
-
-def optuna_estimate_frame(study: optuna.Study) -> pd.DataFrame:
-    """The same of an Optuna study in any storage, in memory too, whose trials `metaid.objective` evaluated."""
-    return _estimated(snapshot_of(study))
 
 
 def bodies_frame(store: Store, name: str) -> pd.DataFrame:

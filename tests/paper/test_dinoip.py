@@ -17,7 +17,8 @@ from metaid.compiled import Objective
 from metaid.episode import Episode, Outcome, tip_push
 from metaid.models import Array
 from metaid.paper import MOST_STEPS_UP, Dinoip, DinoipOptions
-from metaid.results import best_trial_frame, trials_frame
+from metaid.results import read_snapshot, trials_frame
+from metaid.results.lump_tables import best_table
 from metaid.store import Store
 from metaid.study import create_study, load_study, run_study
 
@@ -161,7 +162,7 @@ def test_two_links_of_the_paper_are_identified_but_for_the_coriolis_lump(
     assert shown["verdict"] == "not found"
     assert "count alone cannot tell friction from wrong lumps: [estimate] enabled is false" in shown["reasons"][-1]
     with closing(Store("metaid.db")) as store:
-        lumps = best_trial_frame(store, "paper-two-link").set_index("name")
+        lumps = best_table(read_snapshot(store, "paper-two-link")).set_index("name")
     assert lumps["error"][["gravity_1", "gravity_2"]].abs().max() <= 0.01
     assert lumps["determined"].to_dict() == {"gravity_1": True, "gravity_2": True, "coriolis_1_2": False}
     assert lumps.loc["coriolis_1_2", ["factor", "identified", "low", "high", "error"]].isna().all()

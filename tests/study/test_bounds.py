@@ -11,7 +11,6 @@ from chain_studies import chain_study, random_chain
 from conftest import best_error
 
 from metaid import results
-from metaid.results.best import best_trial
 from metaid.results.by_measure import bounds_reached
 from metaid.search import at_bounds, bounds_in_force, widened
 from metaid.store import Store
@@ -94,7 +93,8 @@ def run_tight(store: Store, name: str, *stops: int, **changes: Any) -> None:
 def held_back(store: Store, name: str) -> list[str]:
     """The lumps that a study of lumps ended with at a bound."""
     snapshot = results.read_snapshot(store, name)
-    best = best_trial(snapshot.survivors)
+    best = snapshot.best
+    assert best is not None
     tried = np.array([trial.factors for trial in snapshot.trials])
     return [reached.split()[0] for reached in bounds_reached(snapshot.problem, best.factors, tried)]
 

@@ -14,6 +14,7 @@ from conftest import Finished
 
 from metaid import results
 from metaid.plant import PlantSettings
+from metaid.results.lump_tables import best_table
 from metaid.store import Store
 from metaid.study import Problem, create_study, identifiability, load_study, run_study
 
@@ -108,7 +109,7 @@ def test_what_the_pushes_cannot_tell_is_not_determined_by_the_best_trial(tmp_pat
     create_study(store, load_study("three-link-coast", changes), "study")
     run_study(store, "study")
     missed = identifiability(Problem(load_study("three-link-coast", changes))).undetermined_names
-    by_best_trial = results.best_trial_frame(store, "study").set_index("name")
+    by_best_trial = best_table(results.read_snapshot(store, "study")).set_index("name")
     assert missed
     assert not by_best_trial["determined"][missed].any()
     shown = results.summary(store, "study")
@@ -180,7 +181,7 @@ def test_what_is_promised_is_found(sampler: str, measure: str, faults: dict[str,
     store = Store(str(tmp_path / "metaid.db"), create=True)
     create_study(store, spec)
     run_study(store, "chain")
-    table = (results.lumps_frame if is_matched else results.best_trial_frame)(store, "chain")
+    table = results.lumps_frame(store, "chain") if is_matched else best_table(results.read_snapshot(store, "chain"))
     errors = np.abs(table["error"].to_numpy()) / promised.resolution
     known = errors[np.array(promised.determined)]
     assert len(known) >= 3

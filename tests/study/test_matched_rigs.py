@@ -40,7 +40,7 @@ def matched(liar: Liar, seed: int = 0, motion: str = "stepped", **changes: Any) 
         settings = {"sampler": "output-error", "trials": 2, "seed": seed, "search.low": 0.5, "search.high": 2.0}
         create_study(store, load_study("study.toml", {**settings, **changes}), "study")
         run_study(store, "study")
-        return results.estimate_frame(store, "study"), results.summary(store, "study")
+        return results.estimate_frame(results.read_snapshot(store, "study")), results.summary(store, "study")
 
 
 def test_trials_of_cmaes_on_the_example_rig_hold_the_truth() -> None:

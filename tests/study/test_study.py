@@ -20,6 +20,7 @@ from pandas.testing import assert_frame_equal
 from metaid import results
 from metaid.errors import StorageError, StudyError
 from metaid.plant import MujocoPlant
+from metaid.results.lump_tables import best_table
 from metaid.store import Store
 from metaid.study import Progress, StudySpec, create_study, load_study, run_study
 
@@ -173,7 +174,7 @@ def test_two_link_tpe_reports_its_errors_as_they_are(store: Store) -> None:
 def test_gravity_lump_is_found_from_counted_periods(store: Store) -> None:
     """The paper's own measure, one link: within 1 %, and the plateau is shown as a range."""
     run(store, "count", study="one-link-count")
-    lump = results.best_trial_frame(store, "count").iloc[0]
+    lump = best_table(results.read_snapshot(store, "count")).iloc[0]
     assert abs(lump["error"]) < 0.01
     assert lump["low"] < lump["high"]
 
