@@ -10,7 +10,7 @@ import numpy as np
 from metaid.compiled.spatial import commanded_arm_torques
 from metaid.episode import Episode
 from metaid.estimation.base_unknowns import ArmEstimate, BaseUnknowns
-from metaid.estimation.estimate import Estimate
+from metaid.estimation.log_unknowns import Estimate
 from metaid.models import Array, Lumps, compensation_torque
 
 OVER_COMPENSATED = 1.5  # factor of the gravity lumps in the first law, of those that the search starts from

@@ -1,4 +1,4 @@
-"""What is unknown of a chain: the logarithms of its parameters as factors of the nominal ones (Eq. 24).
+"""What is unknown of a chain: the logarithms of its parameters as factors of the nominal ones (Eq. 24); its estimate.
 
 A Coriolis lump is a length times a gravity lump, a_ij = l_i μ_j (Eq. 2). So n links have n gravity lumps, n inertia
 lumps and n − 1 lengths, and the logarithm of every lump is linear in theirs.
@@ -6,7 +6,7 @@ lumps and n − 1 lengths, and the logarithm of every lump is linear in theirs.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar, Literal, NamedTuple
@@ -14,10 +14,11 @@ from typing import Any, ClassVar, Literal, NamedTuple
 import numpy as np
 
 from metaid.estimation.descent import NOTHING
-from metaid.estimation.estimate import Estimate, lengths_of, parameters_of
-from metaid.models import Array, Lumps, lump_names
+from metaid.estimation.estimate import Found
+from metaid.models import COARSEST, DEVIATIONS, Array, Lumps, half_width, lump_names, mass_matrix
 from metaid.models.tree import MISPLACED
 
+POSES = 64  # at which a mass matrix is looked at
 FULL = ("gravity", "coriolis", "inertia")  # the full dynamics of a chain without friction
 
 
@@ -170,3 +171,94 @@ def coriolis_of(lengths: Array, gravity: Array) -> Array:
     """a_ij = l_i μ_j, i < j (nlink x nlink, symmetric), in kg m², of `lengths` (nlink) in m and μ (nlink) in kg m."""
     upper = np.triu(np.outer(lengths, gravity), 1)  # Eq. 2
     return np.asarray(upper + upper.T, dtype=np.float64)
+
+
+def parameters_of(names: Sequence[str], lumps: Lumps) -> Array:
+    """The parameters of a chain by their `names` (nparameter), in SI units, from its lumps."""
+    kinds = dict.fromkeys(name.partition("_")[0] for name in names)
+    parts = [lengths_of(lumps) if kind == "length" else lumps.of(kind) for kind in kinds]
+    return np.concatenate([*parts, np.empty(0)])
+
+
+def lengths_of(lumps: Lumps) -> Array:
+    """The lengths (nlink − 1), in m, of the chain that has these `lumps`, a_ij = l_i μ_j: those of the neighbours j.
+
+    Eq. 2.
+    """
+    return np.asarray(np.diag(lumps.coriolis, 1) / lumps.gravity[1:], dtype=np.float64)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Estimate(Found):
+    """What all trials say of a chain, whose unknowns are log factors z of its parameters; see `LogUnknowns`. Its lumps
+    are a view of these.
+    """
+
+    searched: LogUnknowns
+
+    lacks = "friction, play, torques that come late or are cut off, or wrong lengths"
+    share_of = "all lumps"
+
+    @cached_property
+    def lumps(self) -> Lumps:
+        """The chain's; those that were known are the nominal's."""
+        return self.searched.lumps(self.log_factors)
+
+    @property
+    def log_factors(self) -> Array:
+        """z (nunknown)."""
+        return self.unknowns
+
+    @property
+    def parameters(self) -> Array:
+        """What the unknowns are the log factors of (nunknown), in SI units."""
+        return parameters_of(self.names, self.lumps)
+
+    @property
+    def to_numbers(self) -> Array:
+        return np.eye(len(self.unknowns))
+
+    @property
+    def to_values(self) -> Array:
+        return np.asarray(self.values[:, None] * self.searched.design, dtype=np.float64)
+
+    @property
+    def values(self) -> Array:
+        """The lumps that follow from the unknowns (nlump)."""
+        return self.lumps.vector_of(self.searched.kinds)
+
+    @property
+    def coarsest(self) -> Array:
+        return np.full(len(self.unknowns), COARSEST)
+
+    @property
+    def is_possible(self) -> bool:
+        """Whether the mass matrix is positive definite, at random poses in which links are parallel."""
+        lumps = self.lumps
+        if lumps.inertia is None:
+            return True
+        poses: Array = np.pi * np.random.default_rng(0).integers(0, 2, (POSES, lumps.nlink)).astype(np.float64)
+        return bool((np.linalg.eigvalsh(mass_matrix(lumps, lumps.inertia, poses)) > 0.0).all())
+
+    def interval_with(self, deviations: Array) -> tuple[Array, Array]:
+        """Eq. 27; where counts are compared the `extent`."""
+        values = self.values
+        if self.extent is not None:
+            low, high = values * np.exp(self.extent - self.searched.design @ self.log_factors)
+            return low, high
+        reach = np.exp(DEVIATIONS * deviations / values)
+        return values / reach, values * reach
+
+    def half_width_with(self, covariance: Array) -> float:
+        """Eq. 32. All models that count the same are within an extent at once."""
+        if self.extent is not None:
+            return float(np.sinh(0.5 * (self.extent[1] - self.extent[0]).max()))
+        return half_width(np.sqrt(np.diag(covariance)) / self.values)
+
+    def shares(self, true: Array | None) -> tuple[Array, Array | None]:
+        return self.value_deviations / self.values, None if true is None else np.abs(self.values / true - 1.0)
+
+    def in_words(self, changes: Array) -> str:
+        moved = int(np.argmax(np.abs(changes)))
+        by = 100.0 * float(np.expm1(changes[moved]))
+        return f"{self.names[moved]} would be {abs(by):.2g} % {'larger' if by > 0.0 else 'smaller'}"
