@@ -17,25 +17,3 @@ from metaid.api.stored import (
     trials,
     validate,
 )
-
-__all__ = [
-    "Study",
-    "arm_push",
-    "bodies",
-    "check_factors",
-    "compare",
-    "default_storage",
-    "episode_objective",
-    "evaluate",
-    "load_findings",
-    "lumps",
-    "model",
-    "objective",
-    "perturb",
-    "run",
-    "studies",
-    "study",
-    "summary",
-    "trials",
-    "validate",
-]

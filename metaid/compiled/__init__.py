@@ -27,38 +27,3 @@ from metaid.compiled.sharing import share_out
 from metaid.compiled.stages import DirectStep, MujocoStep, fastest_step, mujoco_step
 from metaid.compiled.undocumented import class_of
 from metaid.compiled.validation_loops import track_compiled
-
-__all__ = [
-    "BLOCK",
-    "LANES",
-    "ArmPush",
-    "CompiledLoop",
-    "DirectStep",
-    "FaultyLoop",
-    "MujocoStep",
-    "Objective",
-    "Run",
-    "Spread",
-    "agrees_with_stepwise",
-    "class_of",
-    "compiled",
-    "correct",
-    "fastest_loop",
-    "fastest_step",
-    "fused",
-    "keep_gain",
-    "keep_step",
-    "law_of",
-    "likelihood_about",
-    "mujoco_step",
-    "multiply",
-    "push_arm",
-    "quiet_mujoco",
-    "run_of",
-    "share_out",
-    "spread_of",
-    "track_compiled",
-    "weigh",
-    "whole",
-    "widen",
-]

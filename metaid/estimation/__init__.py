@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from metaid.estimation.approximation import Approximation, HeldOut, Prediction
 from metaid.estimation.base_unknowns import ArmEstimate, BaseUnknowns
 from metaid.estimation.descent import FARTHEST, Residuals, descend, place_at
-from metaid.estimation.estimate import Estimate, Found, fit
+from metaid.estimation.estimate import Found, fit
 from metaid.estimation.faults import (
     FoundFaults,
     Proposal,
@@ -27,7 +27,7 @@ from metaid.estimation.faults import (
     searched_faults,
 )
 from metaid.estimation.fit import starting_points
-from metaid.estimation.log_unknowns import LogUnknowns
+from metaid.estimation.log_unknowns import Estimate, LogUnknowns
 from metaid.estimation.trials import Replay, WatchedTrial, upright
 
 if TYPE_CHECKING:
@@ -37,45 +37,7 @@ if TYPE_CHECKING:
     from metaid.estimation.motions import Motions, Quantity, WatchedTrials
     from metaid.estimation.noisy import Loop, Readings, ReadTrial
 
-__all__ = [
-    "FARTHEST",
-    "MISS",
-    "TOP",
-    "Approximation",
-    "ArmEstimate",
-    "ArmLaws",
-    "BaseUnknowns",
-    "ChainLaws",
-    "Counters",
-    "Estimate",
-    "Experiment",
-    "Found",
-    "FoundFaults",
-    "HeldOut",
-    "LogUnknowns",
-    "Loop",
-    "Motions",
-    "Prediction",
-    "Proposal",
-    "Quantity",
-    "ReadTrial",
-    "Readings",
-    "Replay",
-    "Residuals",
-    "SearchedFaults",
-    "SeenTrial",
-    "TakenUp",
-    "Unmodelled",
-    "WatchedTrial",
-    "WatchedTrials",
-    "count_crossings",
-    "descend",
-    "fit",
-    "place_at",
-    "searched_faults",
-    "starting_points",
-    "upright",
-]
+
 _LOADS_NUMBA = dict.fromkeys(("Motions", "Quantity", "WatchedTrials"), "motions")
 _LOADS_NUMBA |= dict.fromkeys(("Loop", "Readings", "ReadTrial"), "noisy")
 _LOADS_NUMBA |= dict.fromkeys(("Experiment", "SeenTrial"), "experiment")

@@ -10,25 +10,3 @@ from metaid.excitation.forecast import Forecast, Noise, recorded
 from metaid.excitation.limits import Limits, LimitsSettings, read_limits, usual_limits
 from metaid.excitation.search import Criterion, Problem, Shape, best_of_random
 from metaid.excitation.series import Series, Trajectory, rest_to_rest
-
-__all__ = [
-    "SUFFIXES",
-    "Criterion",
-    "Excitation",
-    "Forecast",
-    "Limits",
-    "LimitsSettings",
-    "Noise",
-    "Problem",
-    "Series",
-    "Shape",
-    "Trajectory",
-    "best_of_random",
-    "excite",
-    "problem_of",
-    "read_limits",
-    "recorded",
-    "rest_to_rest",
-    "usual_limits",
-    "write_motion",
-]

@@ -9,19 +9,3 @@ from metaid.exporting.identified import SUFFIXES, IdentifiedModel
 from metaid.exporting.laws import ArmLaw
 from metaid.exporting.reading_back import FileTorques, file_torques
 from metaid.exporting.xml_files import couples_of, mjcf, not_in_urdf, not_in_xml, urdf
-
-__all__ = [
-    "SUFFIXES",
-    "ArmLaw",
-    "Dynamics",
-    "FileTorques",
-    "IdentifiedModel",
-    "arm_dynamics",
-    "chain_dynamics",
-    "couples_of",
-    "file_torques",
-    "mjcf",
-    "not_in_urdf",
-    "not_in_xml",
-    "urdf",
-]

@@ -35,43 +35,6 @@ from metaid.plant.unknown_faults import FAULT_UNITS, fault_names, fault_unit, tr
 if TYPE_CHECKING:
     from metaid.plant.chain_spec import build_spec
 
-__all__ = [
-    "ARM_FILES",
-    "FAULT_UNITS",
-    "PLANT_KEYS",
-    "ArmPlant",
-    "ArmSettings",
-    "ArmStart",
-    "FaultSettings",
-    "FaultyPlant",
-    "Limit",
-    "LinkSettings",
-    "MujocoPlant",
-    "Noise",
-    "Plant",
-    "PlantSettings",
-    "SimulatedPlant",
-    "SocketPlant",
-    "SocketSettings",
-    "Start",
-    "build_spec",
-    "chain_of",
-    "draw",
-    "fault_names",
-    "fault_unit",
-    "joint_limits",
-    "load_chain",
-    "load_plant",
-    "load_rig",
-    "read_any_plant",
-    "read_plant",
-    "refuse_parts_outside",
-    "slope_weights",
-    "stream",
-    "true_faults",
-    "with_joints",
-]
-
 
 def __getattr__(name: str) -> Any:
     if name == "build_spec":  # loads MuJoCo

@@ -21,38 +21,3 @@ from metaid.recorded.telling.judging import RecordedVerdict, judge_records
 from metaid.recorded.telling.left_out import LeftOut, left_out
 from metaid.recorded.telling.model_files import FileError
 from metaid.recorded.weak_form.linear_model import TERMS, LinearModel, arm_model, chain_model, model_of
-
-__all__ = [
-    "TERMS",
-    "Absolute",
-    "Choices",
-    "Fact",
-    "FileError",
-    "FrictionCurve",
-    "Gains",
-    "GravityCurve",
-    "HeldOut",
-    "Intake",
-    "LeftOut",
-    "LinearModel",
-    "Log",
-    "Payload",
-    "Record",
-    "RecordedEstimate",
-    "RecordedResult",
-    "RecordedVerdict",
-    "absolute_of",
-    "arm_model",
-    "chain_model",
-    "drive_gains",
-    "equations_like",
-    "estimate",
-    "estimate_records",
-    "every_run",
-    "facts_of",
-    "friction_curves",
-    "gravity_curves",
-    "judge_records",
-    "left_out",
-    "model_of",
-]

@@ -14,28 +14,3 @@ from metaid.search.output_error import OutputError, OutputErrorOptions
 from metaid.search.registry import SAMPLERS, Sampler, SamplerOptions, make_searcher
 from metaid.search.searcher import Searcher, StepOptions, WideningSearcher
 from metaid.search.sensitivity import designed_speeds, sensitivity
-
-__all__ = [
-    "SAMPLERS",
-    "Cmaes",
-    "Coordinates",
-    "MetricSampler",
-    "OutputError",
-    "OutputErrorOptions",
-    "Sampler",
-    "SamplerOptions",
-    "Searcher",
-    "StepOptions",
-    "WideningSearcher",
-    "arm_sensitivity",
-    "at_bounds",
-    "bounds_in_force",
-    "designed_speeds",
-    "make_searcher",
-    "nominal_metric",
-    "plain_coordinates",
-    "prior_metric",
-    "sensitivity",
-    "tpe_for_metric",
-    "widened",
-]

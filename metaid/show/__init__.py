@@ -30,20 +30,6 @@ _MODULE_OF = {
     "serve": "dashboard",
 }
 
-__all__ = [
-    "SUFFIXES",
-    "ArmStage",
-    "ChainStage",
-    "delete_companion",
-    "film",
-    "make_dashboard",
-    "open_viewer",
-    "render",
-    "render_comparison",
-    "render_log",
-    "serve",
-]
-
 
 def __getattr__(name: str) -> Any:
     if name in _MODULE_OF:

@@ -8,19 +8,3 @@ from metaid.store.lease import Lease, refuse_if_run
 from metaid.store.ownership import EXPERIMENT
 from metaid.store.rows import MOTION_KEYS, outcome_attributes, shown_trial
 from metaid.store.trial import ForeignTrial, Trial
-
-__all__ = [
-    "COMPANION",
-    "DEFAULT_STORAGE",
-    "EXPERIMENT",
-    "MOTION_KEYS",
-    "SPEC_KEY",
-    "ForeignTrial",
-    "Lease",
-    "Store",
-    "Trial",
-    "outcome_attributes",
-    "refuse_if_run",
-    "shown_trial",
-    "study_attributes",
-]

@@ -9,5 +9,3 @@ that nothing of the estimate's own can agree with itself.
 from soak.bench.arm import Arm, arm_of_links, arm_of_mjcf
 from soak.bench.body import Bench
 from soak.bench.imperfections import Imperfections
-
-__all__ = ["Arm", "Bench", "Imperfections", "arm_of_links", "arm_of_mjcf"]

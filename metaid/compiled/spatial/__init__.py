@@ -17,25 +17,3 @@ from metaid.compiled.spatial.dynamics import (
     solve,
 )
 from metaid.compiled.spatial.vectors import cross, dot, inward, plus, symmetric, triple
-
-__all__ = [
-    "ArmLoop",
-    "Frames",
-    "QuickSpatial",
-    "Space",
-    "accelerating_torques",
-    "commanded_arm_torques",
-    "cross",
-    "dot",
-    "factorise",
-    "fill_mass_matrix",
-    "frames_of",
-    "inward",
-    "move_links",
-    "new_space",
-    "plus",
-    "solve",
-    "symmetric",
-    "track_arm",
-    "triple",
-]

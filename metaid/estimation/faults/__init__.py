@@ -15,18 +15,3 @@ from metaid.estimation.faults.searched import (
     late,
     searched_faults,
 )
-
-__all__ = [
-    "GEOMETRY",
-    "NO_FAULTS",
-    "FoundFaults",
-    "Proposal",
-    "SearchedFaults",
-    "TakenUp",
-    "Unmodelled",
-    "fault_sizes",
-    "found_faults",
-    "late",
-    "named_faults",
-    "searched_faults",
-]

@@ -16,20 +16,3 @@ from metaid.estimation.noisy.torque_noise import fit_with_torque_noise
 from metaid.estimation.noisy.tried import led_by
 from metaid.estimation.noisy.unmodelled import unmodelled_forces
 from metaid.estimation.trials import ReadTrial
-
-__all__ = [
-    "Innovations",
-    "Loop",
-    "ReadTrial",
-    "Readings",
-    "as_possible",
-    "explained",
-    "fit_with_torque_noise",
-    "hold_out",
-    "led",
-    "led_by",
-    "predicted",
-    "proposed_faults",
-    "take_up",
-    "unmodelled_forces",
-]

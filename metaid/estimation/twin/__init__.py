@@ -16,8 +16,6 @@ from metaid.models import Array
 
 TWINS: dict[str, Callable[[Any, Array], Twin]] = {"planar": PlanarTwin, "spatial": SpatialTwin}
 
-__all__ = ["Filter", "Motion", "PlanarTwin", "Twin", "twin_of"]
-
 
 def twin_of(unknowns: Unknowns, point: Array) -> Twin:
     """The twin of a robot with these `unknowns` at a `point` (nunknown)."""

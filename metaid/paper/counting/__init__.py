@@ -11,5 +11,3 @@ from metaid.paper.counting.counts import Counts
 from metaid.paper.counting.experiment import CountedExperiment
 from metaid.paper.counting.matching import match_counts
 from metaid.paper.counting.programme import pairs
-
-__all__ = ["CountedExperiment", "Counts", "match_counts", "pairs"]

@@ -14,20 +14,7 @@ if TYPE_CHECKING:
     from metaid.plant.description.shapes import Surface, rod, surfaces
     from metaid.plant.description.starts import CLEARANCE, Clearance, draw_free_starts, draw_starts
 
-__all__ = [
-    "CLEARANCE",
-    "Arm",
-    "Clearance",
-    "Surface",
-    "arm_model",
-    "build_arm_spec",
-    "draw_free_starts",
-    "draw_starts",
-    "read_arm",
-    "rod",
-    "set_parameters",
-    "surfaces",
-]
+
 _LOADS_MUJOCO = {"Arm": "reading", "read_arm": "reading"}
 _LOADS_MUJOCO |= dict.fromkeys(("CLEARANCE", "Clearance", "draw_free_starts", "draw_starts"), "starts")
 _LOADS_MUJOCO |= dict.fromkeys(("Surface", "rod", "surfaces"), "shapes")

@@ -2,5 +2,3 @@
 
 from metaid.search.optuna_samplers.metric import MetricSampler, tpe_for_metric
 from metaid.search.optuna_samplers.searcher import GENERATION, MetricSearcher, OptunaSampler
-
-__all__ = ["GENERATION", "MetricSampler", "MetricSearcher", "OptunaSampler", "tpe_for_metric"]

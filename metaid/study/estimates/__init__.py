@@ -6,15 +6,3 @@
 from metaid.study.estimates.kept import estimate_from, keep_estimate, kept_with
 from metaid.study.estimates.making import CLOSE, FIRST_TRIALS, estimate_of, shown_by_others
 from metaid.study.estimates.study_estimate import StudyEstimate, interval_name
-
-__all__ = [
-    "CLOSE",
-    "FIRST_TRIALS",
-    "StudyEstimate",
-    "estimate_from",
-    "estimate_of",
-    "interval_name",
-    "keep_estimate",
-    "kept_with",
-    "shown_by_others",
-]

@@ -7,12 +7,3 @@ from metaid.study.evaluation.nominal_metric_sampler import NominalMetricSampler
 from metaid.study.evaluation.optuna_objective import OptunaObjective
 from metaid.study.evaluation.ray_actors import RayEvaluator
 from metaid.study.evaluation.threads import ThreadEvaluator
-
-__all__ = [
-    "Evaluator",
-    "NominalMetricSampler",
-    "OptunaObjective",
-    "RayEvaluator",
-    "ThreadEvaluator",
-    "make_evaluator",
-]
