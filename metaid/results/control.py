@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from metaid.models import Array, ChainModel
-from metaid.plant import MujocoPlant, Plant, Start
+from metaid.plant import MujocoPlant
 
 AMPLITUDE = 0.5  # rad, of the mean joint's sinusoid
 PERIODS = 6.0, 12.0  # fastest and slowest of the joints' sinusoids, in natural times
@@ -73,23 +73,10 @@ def smooth_sinusoids(
     return Motion(angles, speeds, accelerations)
 
 
-def computed_torque(model: ChainModel, angles: Array, speeds: Array, accelerations: Array) -> Array:
-    """The joint torque (njoint), in N m, that accelerates a plant as wanted.  Eqs. 4, 5 and 6.
-
-    Args:
-        model: of the plant.
-        angles: of the joints (njoint), in rad.
-        speeds: of the joints (njoint), in rad/s.
-        accelerations: wanted of the joints (njoint), in rad/s².
-    """
-    return model.mass_matrix(angles) @ accelerations + model.torque(angles, speeds)
-
-
-def track(plant: Plant, model: ChainModel, feedback: ChainModel, desired: Motion, bandwidth: float) -> Tracked:
+def track(plant: MujocoPlant, model: ChainModel, feedback: ChainModel, desired: Motion, bandwidth: float) -> Tracked:
     """Drives the plant from rest upright along `desired` with computed torque from `model`.
 
-    τ = M̃(φ) q̈_d + h̃ + g̃ + M̄(φ) (k_p e + k_d ė), critically damped.  A MujocoPlant is driven by a compiled loop, any
-    other step by step.
+    τ = M̃(φ) q̈_d + h̃ + g̃ + M̄(φ) (k_p e + k_d ė), critically damped.
 
     Args:
         plant: it is brought to rest upright first.
@@ -102,36 +89,9 @@ def track(plant: Plant, model: ChainModel, feedback: ChainModel, desired: Motion
     Returns:
         What was seen; it ends early where control is lost.
     """
-    if not isinstance(plant, MujocoPlant):
-        return track_stepwise(plant, model, feedback, desired, bandwidth)
     from metaid.compiled import track_compiled
 
     laws = model.lumps, feedback.lumps
     inertias = model.lumps.of("inertia"), feedback.lumps.of("inertia")
     motion = desired.angles, desired.speeds, desired.accelerations
     return Tracked(*track_compiled(plant, laws, inertias, motion, bandwidth, LOST))
-
-
-def track_stepwise(plant: Plant, model: ChainModel, feedback: ChainModel, desired: Motion, bandwidth: float) -> Tracked:
-    """`track` on any plant, step by step in Python: the reference for the compiled loop.
-
-    Args:
-        plant: it is brought to rest upright first.
-        model: of the feedforward.
-        feedback: what M̄ is of.
-        desired: the trajectory.
-        bandwidth: of the feedback, in rad/s.
-    """
-    plant.push(Start.upright(np.zeros(plant.njoint)))
-    seen = []
-    for angle, speed, acceleration in zip(desired.angles, desired.speeds, desired.accelerations, strict=True):
-        angles, speeds = plant.states()
-        if not np.abs(angles - angle).max() <= LOST:
-            break
-        correction = bandwidth**2 * (angle - angles) + 2.0 * bandwidth * (speed - speeds)
-        torque = computed_torque(model, angles, speeds, acceleration)
-        torque = torque + feedback.mass_matrix(angles) @ correction
-        seen.append((angles, speeds, torque))
-        plant.apply_torque(torque)
-        plant.step()
-    return Tracked(*(np.array(column) for column in zip(*seen, strict=True)))

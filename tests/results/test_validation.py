@@ -17,7 +17,7 @@ from metaid.models import FRICTION, IDEAL, Array, ChainModel, Lumps, compensatio
 from metaid.plant import MujocoPlant, PlantSettings, Start
 from metaid.results import smooth_sinusoids, track, validate_law
 from metaid.results.coasting import coasting_steps
-from metaid.results.control import computed_torque, track_stepwise
+from metaid.results.control import LOST, Motion, Tracked
 from metaid.results.courses import ChainCourse
 from metaid.results.validation import Validated, fresh_seed
 from metaid.study import Problem, load_study
@@ -31,6 +31,30 @@ Metaid = Callable[..., Finished]
 def problem() -> Problem:
     """The shipped three-link-coast study."""
     return Problem(load_study("three-link-coast"))
+
+
+def computed_torque(model: ChainModel, angles: Array, speeds: Array, accelerations: Array) -> Array:
+    """The joint torque (njoint), in N m, that accelerates a plant as wanted."""
+    return model.mass_matrix(angles) @ accelerations + model.torque(angles, speeds)
+
+
+def track_stepwise(
+    plant: MujocoPlant, model: ChainModel, feedback: ChainModel, desired: Motion, bandwidth: float
+) -> Tracked:
+    """`track` step by step in Python: the reference for the compiled loop."""
+    plant.push(Start.upright(np.zeros(plant.njoint)))
+    seen = []
+    for angle, speed, acceleration in zip(desired.angles, desired.speeds, desired.accelerations, strict=True):
+        angles, speeds = plant.states()
+        if not np.abs(angles - angle).max() <= LOST:
+            break
+        correction = bandwidth**2 * (angle - angles) + 2.0 * bandwidth * (speed - speeds)
+        torque = computed_torque(model, angles, speeds, acceleration)
+        torque = torque + feedback.mass_matrix(angles) @ correction
+        seen.append((angles, speeds, torque))
+        plant.apply_torque(torque)
+        plant.step()
+    return Tracked(*(np.array(column) for column in zip(*seen, strict=True)))
 
 
 def true_factors(problem: Problem) -> np.ndarray:
