@@ -33,6 +33,16 @@ class PlantError(MetaidError):
     """A plant that does not exist, does not parse, or cannot be built."""
 
 
+class BranchesError(PlantError):
+    """A robot whose branches leave open which of its joints move: the names of those in each of its `series`, from the
+    base on, and of the `slides` among them.
+    """
+
+    def __init__(self, message: str, series: Sequence[Sequence[str]], slides: Sequence[str]) -> None:
+        super().__init__(message)
+        self.series, self.slides = series, slides
+
+
 class LostPlant(PlantError):  # noqa: N818, what happened to it, not what is wrong with it
     """A plant that stopped answering in the middle of something: what it was doing can be done again."""
 

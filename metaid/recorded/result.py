@@ -11,11 +11,11 @@ import numpy as np
 import pandas as pd
 from threadpoolctl import threadpool_limits
 
-from metaid.errors import RecordError, unknown
+from metaid.errors import BranchesError, RecordError, unknown
 from metaid.exporting import IdentifiedModel
 from metaid.files import shipped_logs
 from metaid.models import Array
-from metaid.plant import load_plant
+from metaid.plant import ArmPlant, MujocoPlant, load_plant
 from metaid.recorded.absolute import Absolute, absolute_of
 from metaid.recorded.choosing import Choices, usual_still
 from metaid.recorded.doubts.checks import facts_of
@@ -23,6 +23,7 @@ from metaid.recorded.doubts.conventions import Fact
 from metaid.recorded.estimating import RecordedEstimate, estimate_records
 from metaid.recorded.gains import Gains, Payload, drive_gains
 from metaid.recorded.held_out import HeldOut, Yardstick
+from metaid.recorded.reading.branches import joints_named
 from metaid.recorded.reading.log import Intake, every_run
 from metaid.recorded.reading.readings import Record
 from metaid.recorded.reading.stretches import Stretches, refuse_unknown, without
@@ -136,7 +137,8 @@ def estimate(
         logs: paths or frames, each a run of its own, or the name of shipped ones, `double-pendulum`.
         nominal: the nominal robot: the name of a shipped plant, or the path of a plant file, an MJCF or a URDF;
             or a dict with the keys of a plant file.
-        joints: of an MJCF or URDF those that move; the others are held. By default all.
+        joints: of an MJCF or URDF those that move; the others are held. By default all; of one with branches those
+            that the columns of the logs name.
         validate: a log, or several, that nothing is fitted to.
         payloads: logs with a payload, which tell the gains of the drives; torques are multiplied with these.
         law: the plant that the torques compensated, where the logs have none.
@@ -167,7 +169,7 @@ def estimate(
         >>> metaid.estimate("double-pendulum", "double-pendulum").verdict.word
         'approximate'
     """
-    plant = load_plant(nominal, joints)
+    plant, chosen_joints = _plant_of(nominal, joints, _with_shipped(logs), topic)
     choices = Choices(span=window, delay=delay, zeros=zeros)
     if friction is not None:
         for term in friction:
@@ -218,7 +220,23 @@ def estimate(
         validation = tuple(
             (own, other.name, _validated(found, own)) for other in others if (own := _smoothed(found, other))
         )
-    return RecordedResult(plant.name, records, found, verdict, facts, validation, plant.repairs)
+    return RecordedResult(plant.name, records, found, verdict, facts, validation, (*chosen_joints, *plant.repairs))
+
+
+def _plant_of(
+    nominal: str | Path | Mapping[str, Any], joints: Sequence[str] | None, logs: Sequence[Log], topic: str | None
+) -> tuple[MujocoPlant | ArmPlant, tuple[str, ...]]:
+    """The nominal robot. Where its branches leave open which joints move, those of which the `logs` are; and a sentence
+    that says so.  Raises as `estimate`.
+    """
+    try:
+        return load_plant(nominal, joints), ()
+    except BranchesError as met:
+        named = joints_named(met, logs, topic) if joints is None else ()
+        if not named:
+            raise
+    text = f"joints that logs name move, the others are held: {', '.join(named)} (--joints A,B of those that move)"
+    return load_plant(nominal, named), (text,)
 
 
 def _as_meant(record: Record, offsets: Array, factors: Array, signs: Array) -> Record:

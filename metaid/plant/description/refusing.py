@@ -7,7 +7,7 @@ from itertools import pairwise, takewhile
 
 import numpy as np
 
-from metaid.errors import PlantError, unknown, usable_mujoco
+from metaid.errors import BranchesError, PlantError, unknown, usable_mujoco
 from metaid.plant.description.fusing import Whole, body_name, joint_name
 
 with usable_mujoco():
@@ -27,7 +27,8 @@ def moving_joints(source: str, model: mujoco.MjModel, wanted: Sequence[str] | No
         wanted: their names; None for all, without short branches, as fingers and a head are.
 
     Raises:
-        PlantError: there is no such joint, or they are not hinges and slides in series.
+        PlantError: there is no such joint, or they are not hinges and slides.
+        BranchesError: they are not in series.
     """
     names = [joint_name(model, joint) for joint in range(model.njnt)]
     kinds = {mujoco.mjtJoint.mjJNT_FREE: "a floating base", mujoco.mjtJoint.mjJNT_BALL: "a ball joint"}
@@ -47,20 +48,20 @@ def moving_joints(source: str, model: mujoco.MjModel, wanted: Sequence[str] | No
             raise PlantError(f"{source}: joint '{names[joint]}' is {kind} (allowed: hinges and slides; or {LEAVE_OUT})")
     if not joints:
         raise PlantError(f"{source}: no joint moves (allowed: hinges and slides in series)")
-    if len(joints) > MOST:
-        raise PlantError(f"{source}: {len(joints)} joints move (allowed: at most {MOST}; or {LEAVE_OUT})")
     for before, after in pairwise(joints):
         if int(model.jnt_bodyid[before]) not in _to_base(model, int(model.jnt_bodyid[after])):
-            raise PlantError(
+            series = [[names[joint] for joint in each] for each in _series(model)]
+            longest = max(series, key=lambda each: len(each))
+            slides = [name for name, kind in zip(names, types, strict=True) if kind == mujoco.mjtJoint.mjJNT_SLIDE]
+            raise BranchesError(
                 f"{source}: joints '{names[before]}' and '{names[after]}' are on different branches (allowed: joints "
-                f"in series, as {','.join(_longest(model))}; or {LEAVE_OUT})"
+                f"in series, as {','.join(longest)}; or {LEAVE_OUT})",
+                series,
+                slides,
             )
+    if len(joints) > MOST:
+        raise PlantError(f"{source}: {len(joints)} joints move (allowed: at most {MOST}; or {LEAVE_OUT})")
     return joints
-
-
-def _longest(model: mujoco.MjModel) -> list[str]:
-    """The names of the hinges and slides of the longest series in a file, from the base on."""
-    return [joint_name(model, joint) for joint in max(_series(model), key=len)]
 
 
 def _trunk(model: mujoco.MjModel) -> tuple[int, ...]:

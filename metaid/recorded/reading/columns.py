@@ -109,6 +109,13 @@ def understood(table: Table, joints: Sequence[str], mapping: Mapping[str, str]) 
     return Understood(times, unit, kinds, (*table.notes, *notes), factors)
 
 
+def angles_named(table: Table, joints: Sequence[str]) -> dict[str, str]:
+    """The columns of a table that are angles of joints which they name, by the joint: some of all these `joints`."""
+    meant = (_meaning(column, column, joints) for column in table.columns)
+    angles = [each for each in meant if each and each.kind == "angle" and not each.is_wished]
+    return {joints[each.joint]: each.column for each in reversed(angles) if each.joint is not None}
+
+
 def _others(
     table: Table, torques: Sequence[str], names: Mapping[str, str], joints: Sequence[str]
 ) -> tuple[Repair, ...]:
@@ -213,10 +220,10 @@ def _of_kind(
         missing = [joint for joint in range(njoint) if joint not in found]
         if missing and kind in ("angle", "speed"):
             own_name = str(missing[0] + 1) if found_by_number else joints[missing[0]]
-            example = next(iter(found.values()))
+            example, there = next(iter(found.values())), ",".join(joints[joint] for joint in sorted(found))
             raise RecordError(
-                f"{table.name}: no column '{kind}_{own_name}' beside '{example}' "
-                f"(allowed: of all {njoint} joints, or --joints those that it has)"
+                f"{table.name}: no column '{kind}_{own_name}' beside '{example}' (allowed: of all {njoint} joints"
+                f"{'' if joints[0].isdigit() else f', or --joints {there}'})"
             )
         return tuple(found.get(joint, "") for joint in range(njoint)), base if found_by_number else None
     return (), None
