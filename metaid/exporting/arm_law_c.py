@@ -149,11 +149,12 @@ static inline void ${name}_inverse_dynamics(const double q[], const double qd[],
 %pairs     static const int coupled[M - N][2] = $coupled;
 %pairs     /* of each such motor, in kg m^2 */
 %pairs     static const double coupled_rotor[M - N] = $coupled_rotor;
-%!pairs     /* of each joint, in N m s and N m; what is slower than still, in rad/s, has that share of dry friction */
-%pairs     /* of each joint, then of each such motor, in N m s and N m; what is slower than still, in rad/s, has that
-%pairs        share of dry friction */
+%!pairs     /* of each joint, in N m s and N m */
+%pairs     /* of each joint, then of each such motor, in N m s and N m */
     static const double damping[M] = $damping;
     static const double coulomb[M] = $coulomb;
+%!smooth     /* in rad/s: what is slower has that share of its dry friction */
+%smooth     /* in rad/s: tanh(speed / still) is the share of dry friction */
     static const double still[M] = $still;
 %root     /* dry friction for a unit of the root of the speed, in N m s^0.5 */
 %root     static const double root[M] = $root;
@@ -170,7 +171,8 @@ static inline void ${name}_inverse_dynamics(const double q[], const double qd[],
     for (i = 0; i < M; i++) {
 %!pairs         const double speed = qd[i];
 %pairs         const double speed = i < N ? qd[i] : qd[coupled[i - N][0]] + qd[coupled[i - N][1]];
-        double share = fmax(-1.0, fmin(1.0, speed / still[i])), dry = coulomb[i];
+%!smooth         double share = fmax(-1.0, fmin(1.0, speed / still[i])), dry = coulomb[i];
+%smooth         double share = tanh(speed / still[i]), dry = coulomb[i];
 
 %dahl         if (slip && presliding[i] > 0.0)
 %dahl             share = slip[i];

@@ -16,12 +16,12 @@ from metaid.recorded.choosing import (
     choose,
     fastest,
     likely_delay,
-    usual_still,
     with_cutoff,
 )
 from metaid.recorded.comparing import WORTH
 from metaid.recorded.doubts.scales import scales_of, torque_scale
 from metaid.recorded.doubts.suspects import examined, suspects
+from metaid.recorded.friction_terms import usual_still
 from metaid.recorded.gains import Gains
 from metaid.recorded.held_out import HeldOut, Yardstick
 from metaid.recorded.reading.readings import Record
@@ -217,7 +217,7 @@ def _for_simulators(
     equations: Equations, logs: Sequence[Smoothed], yardstick: Yardstick
 ) -> tuple[PossibleModel, LinearModel, HeldOut]:
     """The model with viscous and Coulomb friction alone, and how well it predicts what was left out."""
-    plain = equations.with_model(equations.model.with_friction(BASE))
+    plain = equations.with_model(equations.model.with_friction(BASE).with_still(usual_still(logs)))
     bodies, free = Possible(plain.model, plain.scale, fastest(logs)), plain.solved[0]
     apart = [plain.apart_from(fold) for fold in yardstick.folds]
     held_out = yardstick.judged(plain, [bodies.refined(each.solved[0]) for each in apart])

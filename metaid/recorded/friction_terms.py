@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
 import numpy as np
@@ -13,9 +13,12 @@ from metaid.models.tree import COLUMNS
 from metaid.recorded.comparing import WORTH, Missed, Search
 from metaid.recorded.weak_form.equations import Equations
 from metaid.recorded.weak_form.linear_model import LinearModel
+from metaid.recorded.weak_form.smoothed import Smoothed
 
 PRESLIDING = (1e-4, 3e-4, 1e-3, 3e-3)  # rad or m, of all joints alike
-FINER = (0.3, 0.55, 1.0, 1.8, 3.3, 6.0, 10.0)  # times that, of each joint by itself
+SLOW = 0.007  # of a joint's usual speed: below it dry friction is a share of its whole
+SLOWER = (0.02, 0.07, 0.2)  # of the same, of all joints alike
+FINER = (0.3, 0.55, 1.0, 1.8, 3.3, 6.0, 10.0)  # times either, of each joint by itself
 Widened = Callable[[NDArray[np.bool_]], LinearModel]
 
 
@@ -35,20 +38,32 @@ def with_friction(
         every = np.ones(present.model.njoint)
         others = [present.with_model(present.model.with_presliding(size * every)) for size in PRESLIDING]
         missed, present = min(zip(search.missed(others), others, strict=True), key=lambda each: each[0].whole)
+    usual = present.model.sliding.still
     while asked is None:
-        tried = [_in_joints(search, present, missed, *each) for each in _further(present.model)]
+        tried = [_in_joints(search, present, missed, *each) for each in _further(present.model, usual)]
         worth = [each for each in tried if each is not None]
         if not worth:
             break
         missed, present = min(worth, key=lambda each: float(np.prod(each[0].shares(missed))))
-    if present.model.sliding.builds_up:
-        present, missed = _finer_presliding(search, present, missed)
+    sliding = present.model.sliding
+    if sliding.builds_up:
+        present, missed = _finer(search, present, missed, sliding.presliding, present.model.with_presliding)
+    if (sliding.still != usual).any():
+        bent = np.where(sliding.still == usual, 0.0, sliding.still)
+        present, missed = _finer(search, present, missed, bent, lambda own: _with_still(present.model, own, own > 0.0))
     return present, missed
 
 
-def _further(model: LinearModel) -> Iterator[tuple[str, NDArray[np.bool_], Widened]]:
+def usual_still(logs: Sequence[Smoothed]) -> Array:
+    """Below which speed of each joint (njoint) dry friction is a share of its whole, in rad/s or m/s."""
+    squares = np.mean([(own.speeds**2).mean(axis=0) for own in logs], axis=0)
+    usual = np.sqrt(squares)
+    return np.asarray(np.where(usual > 0.0, SLOW * usual, 1.0), dtype=np.float64)
+
+
+def _further(model: LinearModel, usual: Array) -> Iterator[tuple[str, NDArray[np.bool_], Widened]]:
     """What may be added to the friction of a model: its name, the joints that lack it (njoint), and the model with it
-    in some of them.
+    in some of them. Without it dry friction is a share of its whole below `usual` speeds (njoint).
     """
     n, presliding = model.njoint, model.sliding.presliding
     for term in COLUMNS:
@@ -58,10 +73,18 @@ def _further(model: LinearModel) -> Iterator[tuple[str, NDArray[np.bool_], Widen
     for size in PRESLIDING if (presliding == 0.0).any() else ():
         more = partial(_with_presliding, model, size)
         yield f"hysteresis, δ = {size:g}", presliding == 0.0, more
+    at_once = (presliding == 0.0) & (model.sliding.still == usual)
+    for share in SLOWER if at_once.any() and {"coulomb", "root"} & set(model.friction) else ():
+        slower = partial(_with_still, model, share / SLOW * usual)
+        yield f"dry friction regularised below {share:.0%} of usual speeds", at_once, slower
 
 
 def _with_presliding(model: LinearModel, size: float, joints: NDArray[np.bool_]) -> LinearModel:
     return model.with_presliding(np.where(joints, size, model.sliding.presliding))
+
+
+def _with_still(model: LinearModel, still: Array, joints: NDArray[np.bool_]) -> LinearModel:
+    return model.with_still(np.where(joints, still, model.sliding.still))
 
 
 def _in_joints(
@@ -93,19 +116,23 @@ def _in_joints(
     return (found, other) if found.is_worth(missed) or found.is_worth(missed, gains) else None
 
 
-def _finer_presliding(search: Search, present: Equations, missed: Missed) -> tuple[Equations, Missed]:
-    """With the displacement over which the friction of each joint builds up: of those that predict its own torque as
-    well, to WORTH, the longest, which is the gentlest to simulate.
+def _finer(
+    search: Search, present: Equations, missed: Missed, common: Array, changed: Callable[[Array], LinearModel]
+) -> tuple[Equations, Missed]:
+    """With the displacement over which the friction of each joint builds up, or the speed below which it bends: of
+    those that predict its own torque as well, to WORTH, the largest, which is the gentlest to simulate.
+
+    Args:
+        search: what is compared.
+        present: what is chosen.
+        missed: what that leaves.
+        common: of the joints (njoint), all alike; 0 of those that have it not.
+        changed: the model with others (njoint).
     """
-    model, factors = present.model, np.array(FINER)
-    common = model.sliding.presliding
-
-    def with_presliding(presliding: Array) -> Equations:
-        return present.with_model(model.with_presliding(presliding))
-
-    every = search.missed([with_presliding(factor * common) for factor in factors])
+    factors = np.array(FINER)
+    every = search.missed([present.with_model(changed(factor * common)) for factor in factors])
     by_joint = np.array([each.by_joint for each in every])
     is_as_good = WORTH * by_joint <= by_joint.min(axis=0)
-    other = with_presliding(common * np.where(is_as_good, factors[:, None], 0.0).max(axis=0))
+    other = present.with_model(changed(common * np.where(is_as_good, factors[:, None], 0.0).max(axis=0)))
     found = search.missed([other])[0]
     return (other, found) if WORTH * found.whole <= missed.whole else (present, missed)

@@ -43,7 +43,7 @@ def friction_of(tree: Tree, coupled: tuple[tuple[int, int], ...] = COUPLED) -> J
     terms = {name: np.append(values, none) for name, values in alone.items()}
     terms["viscous"], terms["coulomb"] = np.append(viscous, viscous_2), np.append(coulomb, coulomb_2)
     terms["root"] = np.append(root, root_2)
-    return JointFriction(Sliding(presliding, 0.1 * still, coupled), terms, rotor)
+    return JointFriction(Sliding(presliding, 0.1 * still, coupled, is_smooth=True), terms, rotor)
 
 
 def without_presliding(friction: JointFriction) -> JointFriction:
@@ -53,9 +53,9 @@ def without_presliding(friction: JointFriction) -> JointFriction:
 
 
 def plain(friction: JointFriction) -> JointFriction:
-    """What an MJCF can hold of it."""
-    terms = {name: friction.of(name) for name in ("viscous", "coulomb")}
-    return replace(without_presliding(friction), terms=terms)
+    """What an MJCF can hold of it, and a study knows: its dry friction is no smooth function of the speed."""
+    terms, slides = {name: friction.of(name) for name in ("viscous", "coulomb")}, without_presliding(friction)
+    return replace(slides, terms=terms, sliding=replace(slides.sliding, is_smooth=False))
 
 
 def motion_of(njoint: int, nrow: int = 400, seconds: float = 4.0) -> tuple[Array, Array, Array]:
@@ -79,7 +79,7 @@ def formula(tree: Tree, friction: JointFriction, q: Array, v: Array, a: Array) -
         columns.append((q[:, i] + q[:, j], v[:, i] + v[:, j], over, still))
     shares = []
     for place, speed, over, still in columns:
-        share = np.clip(speed / still, -1.0, 1.0)
+        share = np.tanh(speed / still) if sliding.is_smooth else np.clip(speed / still, -1.0, 1.0)
         if over:
             share[0] = 0.0
             for row in range(1, len(place)):

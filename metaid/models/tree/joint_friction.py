@@ -1,8 +1,8 @@
 """The friction of joints, and of motors that turn with the sum of two joints.
 
 Friction of a motor is any of: viscous q̇, Coulomb s, root s √|q̇| (which bends between rest and fast motion as lubricated
-gears do), an offset of the torque, and load s |τ_rigid|. The sliding state s is the sign of the speed, cut short below
-a slow speed, or, where there is pre-sliding, a state that builds up over a displacement (Dahl).  Eqs. 66 and 67.
+gears do), an offset of the torque, and load s |τ_rigid|. The sliding state s is the sign of the speed, bent near rest,
+or, where there is pre-sliding, a state that builds up over a displacement (Dahl).  Eqs. 66 and 67.
 """
 
 from __future__ import annotations
@@ -44,12 +44,14 @@ class Sliding:
     Attributes:
         presliding: displacement over which dry friction builds up (njoint), in rad or m; 0 where it follows the speed.
         still: joint speed below which dry friction is a share of its whole (njoint), in rad/s or m/s, above 0.
+        is_smooth: whether that share is tanh(q̇ / still) (Eq. 66), and not q̇ / still up to 1 (Eq. 12).
         coupled: pairs of joints whose motors are coupled, from 0 on.
     """
 
     presliding: Array
     still: Array
     coupled: tuple[tuple[int, int], ...] = ()
+    is_smooth: bool = False
 
     @property
     def njoint(self) -> int:
@@ -80,7 +82,12 @@ class Sliding:
 
     def at(self, speeds: Array) -> Array:
         """The state (... x nmotor) that follows the speeds of the joints (... x njoint) at once."""
-        return np.clip(self.of_motors(speeds) / self.means(self.still), -1.0, 1.0)
+        share = self.of_motors(speeds) / self.means(self.still)
+        return np.tanh(share) if self.is_smooth else np.clip(share, -1.0, 1.0)
+
+    def steady(self, speeds: Array) -> Array:
+        """The state (... x nmotor) once the joints have moved on at these speeds (... x njoint)."""
+        return np.where(self.means(self.presliding) > 0.0, np.sign(self.of_motors(speeds)), self.at(speeds))
 
     def along(self, coordinates: Array, speeds: Array) -> Array:
         """The state (... x nrow x nmotor) along coordinates and speeds of the joints (... x nrow x njoint each), rows

@@ -71,13 +71,11 @@ def friction_curves(found: RecordedEstimate, shares: Sequence[float] = SHARES) -
     curves = []
     for joint in range(n):
         speeds = found.fastest[joint] * np.array(shares)
-        moving, sliding = np.zeros((len(speeds), n)), np.zeros((len(speeds), model.sliding.nmotor))
-        moving[:, joint], sliding[:, joint] = speeds, 1.0
-        for pair, joints in enumerate(model.sliding.coupled):
-            if joint in joints:
-                sliding[:, n + pair] = 1.0
+        moving = np.zeros((len(speeds), n))
+        moving[:, joint] = speeds
         rigid = np.zeros_like(moving)
         rigid[:, joint] = usual[joint]
+        sliding = model.sliding.steady(moving)
         columns = model.friction_columns(moving, np.zeros_like(moving), sliding, rigid)[:, joint]
         offset = np.zeros(columns.shape[1])
         if ("offset", joint) in model.columns:

@@ -282,7 +282,7 @@ def chain_model(chain: Chain, gravity: float, friction: tuple[str, ...] = ("visc
         return np.asarray((bodies(angles, speeds, accelerations) @ values[..., None])[..., 0])
 
     names = [*names, *(f"rotor_{i + 1}" for i in range(1, n))]
-    sliding = Sliding(np.zeros(n), np.full(n, STILL))
+    sliding = Sliding(np.zeros(n), np.full(n, STILL), is_smooth=True)
     return _with_friction(
         LinearModel(
             names=tuple(names),
@@ -336,7 +336,7 @@ def arm_model(
     def chosen(texts: tuple[str, ...]) -> tuple[str, ...]:
         return tuple(text for text, is_kept in zip(texts, kept, strict=True) if is_kept)
 
-    sliding = Sliding(np.zeros(tree.njoint), np.full(tree.njoint, STILL), coupled)
+    sliding = Sliding(np.zeros(tree.njoint), np.full(tree.njoint, STILL), coupled, is_smooth=True)
     return _with_friction(
         LinearModel(
             names=chosen(prior.base.names),
