@@ -200,13 +200,8 @@ class Yardstick:
         """
         own = self.logs[log]
         rigid = self.rigid(model, values[: model.nbody], log, zeros)
-        every = rigid.reshape(-1, *own.speeds.shape)
-        loads = every if "load" in model.friction else every[:1]  # no other friction is another by other zeros
-        friction = [
-            model.friction_columns(own.speeds, own.accelerations, own.states(model), each) @ values[model.nbody :]
-            for each in loads
-        ]
-        return own.filtered(every + np.stack(friction)).reshape(rigid.shape)
+        friction = model.friction_at(values)
+        return own.filtered(rigid + friction.torque(own.speeds, own.accelerations, rigid, own.states(model)))
 
     def whole(self, model: LinearModel, bodies: Array, log: int, sent: Array) -> Array:
         """What errors of the torques of a log are shares of, squared (nrow x njoint): see `LinearModel.whole`.

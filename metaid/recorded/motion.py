@@ -87,19 +87,13 @@ def simulated(model: LinearModel, begun: Sequence[Begun], delay: float) -> list[
     sliding = np.concatenate([each.own.states(model)[each.starts] for each in begun])
     seen = np.concatenate([each.own.coordinates[each.starts + steps] for each in begun]) + zeros
     constant = angles + steps * period * speeds - seen
-    bodies, rubbing = values[:, :nbody], values[:, nbody:]
+    bodies, rubbing = values[:, :nbody], model.friction_at(values)
     units = np.vstack([np.zeros(n), np.eye(n)])
     rest = np.zeros_like(speeds)
-    spun = np.zeros((len(angles), n, n))  # by rotors that coupled joints share
-    if model.sliding.coupled:
-        still = np.zeros((n + 1, n + len(model.sliding.coupled)))
-        columns = model.friction_columns(np.zeros((n + 1, n)), units, still, np.zeros((n + 1, n)))
-        spun = np.einsum("kjp,sp->sjk", columns[1:] - columns[:1], rubbing)
+    spun = rubbing.mass_matrix
 
     def friction(speeds: Array, rigid: Array) -> Array:
-        state = model.sliding.after(sliding, speeds, step)
-        columns = model.friction_columns(speeds, rest, state, rigid)
-        return np.asarray((columns @ rubbing[..., None])[..., 0], dtype=np.float64)
+        return rubbing.torque(speeds, rest, rigid, model.sliding.after(sliding, speeds, step))
 
     def rate(angles: Array, speeds: Array, torques: Array, before: Array, after: Array, rigid: Array) -> Array:
         """Accelerations at a state, with friction at the end of a step from the speeds `before` to about those `after`:

@@ -67,18 +67,24 @@ class Sliding:
         return bool(self.presliding.any())
 
     @property
-    def sums(self) -> Array:
-        """What the motors turn with: 1 for their joints, else 0 (nmotor x njoint)."""
-        return self.of_motors(np.eye(self.njoint)).T
+    def motors(self) -> tuple[tuple[int, ...], ...]:
+        """The joints, from 0 on, that each motor turns with (nmotor)."""
+        return (*((joint,) for joint in range(self.njoint)), *self.coupled)
 
     def of_motors(self, each: Array) -> Array:
         """Sums over the joints (... x njoint) that each motor turns with (... x nmotor)."""
         return np.concatenate([each, *(each[..., [one]] + each[..., [other]] for one, other in self.coupled)], axis=-1)
 
+    def of_joints(self, each: Array) -> Array:
+        """Torques of the motors (... x nmotor) as the joints have them (... x njoint)."""
+        torques = each[..., : self.njoint].copy()
+        for motor, joints in enumerate(self.coupled, start=self.njoint):
+            torques[..., joints] += each[..., [motor]]
+        return torques
+
     def means(self, each: Array) -> Array:
         """Of each motor (nmotor), that of a pair the mean of its joints' (njoint)."""
-        counts = np.array([1.0] * self.njoint + [2.0] * len(self.coupled))
-        return np.asarray(self.of_motors(each) / counts, dtype=np.float64)
+        return np.asarray(self.of_motors(each) / [len(joints) for joints in self.motors], dtype=np.float64)
 
     def at(self, speeds: Array) -> Array:
         """The state (... x nmotor) that follows the speeds of the joints (... x njoint) at once."""
@@ -129,9 +135,10 @@ class JointFriction:
 
     Attributes:
         sliding: how dry friction follows the motion.
-        terms: of each motor (nmotor each), by COLUMNS; what is not named is 0. Those of hinges are in N m s, N m, N m
-            √s and N m, of slides in N and m in place of N m and rad; load is a share. Coupled motors have SHARED alone.
-        coupled_rotor: inertia of the coupled motors (npair), in kg m².
+        terms: of each motor (... x nmotor each), by COLUMNS; what is not named is 0. Those of hinges are in N m s, N m,
+            N m √s and N m, of slides in N and m in place of N m and rad; load is a share. Coupled motors have SHARED
+            alone.
+        coupled_rotor: inertia of the coupled motors (... x npair), in kg m².
     """
 
     sliding: Sliding
@@ -156,15 +163,16 @@ class JointFriction:
             rigid: what bodies and the joints' own rotors need at that state (... x njoint), in N m.
             slip: the share of its dry friction that each motor has (... x nmotor).
         """
-        speeds, loads = self.sliding.of_motors(v), self.sliding.of_motors(rigid)
-        torques = np.zeros_like(speeds)
-        torques[..., self.sliding.njoint :] = self.coupled_rotor * self.sliding.of_motors(a)[..., self.sliding.njoint :]
+        sliding = self.sliding
+        speeds, loads = sliding.of_motors(v), sliding.of_motors(rigid)
+        torques = np.zeros(np.broadcast_shapes(speeds.shape, loads.shape))
+        torques[..., sliding.njoint :] = self.coupled_rotor * sliding.of_motors(a)[..., sliding.njoint :]
         for term, values in self.terms.items():
             torques += values * friction_torque(term, speeds, slip, loads)
-        return np.asarray(torques @ self.sliding.sums, dtype=np.float64)
+        return sliding.of_joints(torques)
 
     @property
     def mass_matrix(self) -> Array:
-        """What the rotors of coupled motors add to the mass matrix (njoint x njoint), in kg m²."""
-        pairs = self.sliding.sums[self.sliding.njoint :]
-        return np.asarray(pairs.T @ (self.coupled_rotor[:, None] * pairs), dtype=np.float64)
+        """What the rotors of coupled motors add to the mass matrix (... x njoint x njoint), in kg m²."""
+        turning = self.sliding.of_motors(np.eye(self.sliding.njoint))[:, self.sliding.njoint :]
+        return np.asarray((turning * self.coupled_rotor[..., None, :]) @ turning.T, dtype=np.float64)

@@ -13,12 +13,11 @@ import pandas as pd
 import metaid
 from metaid.exporting import ArmLaw, Dynamics, IdentifiedModel, couples_of, file_torques, not_in_xml
 from metaid.models import IDEAL, Array, Chain, chain_of_lumps
-from metaid.models.tree import PARAMETERS, SHARED, JointFriction, Tree
+from metaid.models.tree import PARAMETERS, JointFriction, Tree
 from metaid.recorded.estimating import RecordedEstimate
 from metaid.recorded.held_out import Yardstick
 from metaid.recorded.reading.readings import Record
 from metaid.recorded.telling.judging import RecordedVerdict
-from metaid.recorded.weak_form.linear_model import LinearModel
 from metaid.recorded.weak_form.smoothed import Smoothed
 
 
@@ -33,23 +32,6 @@ class FileError:
     by_joint: tuple[float, ...]
     rows: int
     why_not: str = ""
-
-
-def friction_of(model: LinearModel, values: Array) -> JointFriction:
-    """The friction of the unknowns (nparam)."""
-    pairs = range(len(model.sliding.coupled))
-
-    def of(term: str) -> Array:
-        alone = np.zeros(model.njoint)
-        for joint in model.having(term):
-            alone[joint] = values[model.columns[term, joint]]
-        return np.array([*alone, *(shared(term, pair) if term in SHARED else 0.0 for pair in pairs)])
-
-    def shared(term: str, pair: int) -> float:
-        return float(values[model.shared_column(term, pair)])
-
-    rotors = np.array([shared("rotor", pair) for pair in pairs])
-    return JointFriction(model.sliding, {term: of(term) for term in model.friction}, rotors)
 
 
 def recorded_identified_model(
@@ -96,8 +78,8 @@ def recorded_identified_model(
 
 
 def _dynamics(found: RecordedEstimate) -> Dynamics:
-    tree, friction = found.possible.tree, friction_of(found.model, found.values)
-    plain = friction_of(found.simulator_model, found.simulator.values)
+    tree, friction = found.possible.tree, found.model.friction_at(found.values)
+    plain = found.simulator_model.friction_at(found.simulator.values)
     notes = not_in_xml(friction)
     if notes:
         notes = [

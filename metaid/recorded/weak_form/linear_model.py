@@ -20,6 +20,7 @@ from metaid.models.tree import (
     PARAMETERS,
     SHARED,
     ArmPrior,
+    JointFriction,
     PriorDeviations,
     Sliding,
     Tree,
@@ -137,22 +138,28 @@ class LinearModel:
             sliding: the state of dry friction of each motor (... x nmotor).
             rigid: the torque of the bodies (... x njoint), in N m or N.
         """
-        n = self.njoint
-        parts = []
-        for term in self.friction:
-            joints = self.having(term)
-            columns = np.zeros((*speeds.shape, len(joints)))
-            torque = friction_torque(term, speeds, sliding[..., :n], rigid)
-            columns[..., joints, np.arange(len(joints))] = torque[..., joints]
-            parts.append(columns)
-        for pair, (one, other) in enumerate(self.sliding.coupled):
-            together, state = speeds[..., one] + speeds[..., other], sliding[..., n + pair]
-            shared = [friction_torque(term, together, state, state) for term in self._shared]
-            for each in (*shared, accelerations[..., one] + accelerations[..., other]):
-                column = np.zeros((*speeds.shape, 1))
-                column[..., one, 0] = column[..., other, 0] = each
-                parts.append(column)
-        return np.concatenate(parts, axis=-1) if parts else np.zeros((*speeds.shape, 0))
+        turning, faster, loads = (self.sliding.of_motors(each) for each in (speeds, accelerations, rigid))
+        columns = np.zeros((*speeds.shape, len(self.columns)))
+        for term in {term: None for term, _ in self.columns}:
+            own = [motor for motor in range(self.sliding.nmotor) if (term, motor) in self.columns]
+            turned = [(motor, joint) for motor in own for joint in self.sliding.motors[motor]]
+            motors, joints = zip(*turned, strict=True)
+            places = [self.columns[term, motor] - self.nbody for motor in motors]
+            torque = faster if term == "rotor" else friction_torque(term, turning, sliding, loads)
+            columns[..., joints, places] = torque[..., motors]
+        return columns
+
+    def friction_at(self, values: Array) -> JointFriction:
+        """The friction of robots with these unknowns (... x nparam)."""
+
+        def of(term: str) -> Array:
+            every = np.zeros((*values.shape[:-1], self.sliding.nmotor))
+            for motor in range(self.sliding.nmotor):
+                if (term, motor) in self.columns:
+                    every[..., motor] = values[..., self.columns[term, motor]]
+            return every
+
+        return JointFriction(self.sliding, {term: of(term) for term in self.friction}, of("rotor")[..., self.njoint :])
 
     def with_still(self, still: Array) -> LinearModel:
         """The same with other speeds (njoint) below which dry friction is a share of its whole."""
@@ -212,24 +219,20 @@ class LinearModel:
         """The same with these pairs of joints, from 0 on, whose motors are coupled."""
         return _with_friction(self, self.friction, replace(self.sliding, coupled=coupled), self.without)
 
-    @property
-    def _shared(self) -> tuple[str, ...]:
-        return tuple(term for term in self.friction if term in SHARED)
-
     def having(self, term: str) -> list[int]:
         """The joints, from 0 on, that have a `term` of friction."""
-        return [joint for joint in range(self.njoint) if term in self.friction and (term, joint) not in self.without]
+        return [joint for joint in range(self.njoint) if (term, joint) in self.columns]
 
     @cached_property
     def columns(self) -> dict[tuple[str, int], int]:
-        """Which of the unknowns is that of each term of friction of each joint, from 0 on, that has it."""
-        each = [(term, joint) for term in self.friction for joint in self.having(term)]
-        return {own: self.nbody + number for number, own in enumerate(each)}
-
-    def shared_column(self, term: str, pair: int) -> int:
-        """Which of the unknowns is that of a `term`, or of the rotor, of a coupled `pair`, from 0 on."""
-        each = (*self._shared, "rotor")
-        return self.nbody + len(self.columns) + pair * len(each) + each.index(term)
+        """Which of the unknowns is that of each term of friction, or of the rotor of a coupled pair, of each motor,
+        from 0 on, that has it: those of joints by term, then those of each pair.
+        """
+        shared = [*(term for term in self.friction if term in SHARED), "rotor"]
+        own = [(term, joint) for term in self.friction for joint in range(self.njoint)]
+        own = [each for each in own if each not in self.without]
+        own += [(term, motor) for motor in range(self.njoint, self.sliding.nmotor) for term in shared]
+        return {each: self.nbody + number for number, each in enumerate(own)}
 
 
 def model_of(
@@ -372,21 +375,11 @@ def _with_friction(
     """
     nbody, between = model.nbody, "_" if model.is_chain else ""
     friction = tuple(term for term in COLUMNS if term in terms)
+    other = replace(model, friction=friction, sliding=sliding, without=without)
     names, units = list(model.names[:nbody]), list(model.units[:nbody])
-    for term in friction:
-        having = [joint for joint in range(model.njoint) if (term, joint) not in without]
-        names += [f"{_NAMES.get(term, term)}{between}{joint + 1}" for joint in having]
-        units += [(_ON_SLIDES if model.slides[joint] else _UNITS)[term] for joint in having]
-    for one, other in sliding.coupled:
-        each = [*(term for term in friction if term in SHARED), "rotor"]
-        names += [f"{_NAMES.get(term, term)}{between}{one + 1}_{other + 1}" for term in each]
-        units += [_UNITS[term] for term in each]
-    return replace(
-        model,
-        names=tuple(names),
-        units=tuple(units),
-        expressions=(*model.expressions[:nbody], *[""] * (len(names) - nbody)),
-        friction=friction,
-        sliding=sliding,
-        without=without,
-    )
+    for term, motor in other.columns:
+        joints = "_".join(str(joint + 1) for joint in sliding.motors[motor])
+        names.append(f"{_NAMES.get(term, term)}{between}{joints}")
+        units.append((_ON_SLIDES if motor < model.njoint and model.slides[motor] else _UNITS)[term])
+    expressions = (*model.expressions[:nbody], *[""] * len(other.columns))
+    return replace(other, names=tuple(names), units=tuple(units), expressions=expressions)

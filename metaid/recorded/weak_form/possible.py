@@ -22,7 +22,7 @@ THIN = 0.1  # of what a rotor may be beforehand: a nominal rotor of 0 counts as 
 BODY = 10
 COMPLEX_STEP = 1e-30  # of a derivative, which is exact to rounding
 CURVE = ("coulomb", "root", "viscous")  # of friction over speed, which is not negative where there is a root
-NOT_NEGATIVE = (*CURVE, "load")
+NOT_NEGATIVE = (*CURVE, "load", "rotor")
 SPEEDS = (0.0, 0.1, 0.3, 1.0)  # shares of a joint's fastest speed, at which friction is not negative
 
 
@@ -129,15 +129,9 @@ class Possible:
         """
         model, nbody = self._model, self._model.nbody
         rows: list[Array] = []
-        owners = [
-            ({term: model.columns[term, joint] for term in NOT_NEGATIVE if (term, joint) in model.columns}, fastest)
-            for joint, fastest in enumerate(self._fastest.tolist())
-        ]
-        for pair, both in enumerate(model.sliding.coupled):
-            shared = [term for term in CURVE if term in model.friction]
-            columns = {term: model.shared_column(term, pair) for term in (*shared, "rotor")}
-            owners.append((columns, float(self._fastest[list(both)].max())))
-        for columns, fastest in owners:
+        for motor, joints in enumerate(model.sliding.motors):
+            columns = {term: model.columns[term, motor] for term in NOT_NEGATIVE if (term, motor) in model.columns}
+            fastest = float(self._fastest[list(joints)].max())
             shapes = [
                 {"coulomb": 1.0, "root": share**0.5 * fastest**0.5, "viscous": share * fastest} for share in SPEEDS
             ]
