@@ -202,14 +202,14 @@ class LinearModel:
 
     def with_friction(self, terms: tuple[str, ...]) -> LinearModel:
         """The same with these terms of friction in every joint, and no pre-sliding."""
-        return _with_friction(self, terms, replace(self.sliding, presliding=np.zeros(self.njoint)))
+        return _with_friction(self.with_presliding(np.zeros(self.njoint)), terms)
 
     def with_term(self, term: str, joints: NDArray[np.bool_]) -> LinearModel:
         """The same with a term of friction in some `joints` (njoint), too."""
         lacking = {joint for joint in range(self.njoint) if not joints[joint]} - set(self.having(term))
         others = frozenset(each for each in self.without if each[0] != term)
         without = others | {(term, joint) for joint in lacking}
-        return _with_friction(self, (*self.friction, term), self.sliding, without)
+        return _with_friction(self, (*self.friction, term), without)
 
     def with_presliding(self, presliding: Array) -> LinearModel:
         """The same with dry friction that builds up over displacements of the joints (njoint), in rad or m."""
@@ -217,7 +217,8 @@ class LinearModel:
 
     def with_coupled(self, coupled: tuple[tuple[int, int], ...]) -> LinearModel:
         """The same with these pairs of joints, from 0 on, whose motors are coupled."""
-        return _with_friction(self, self.friction, replace(self.sliding, coupled=coupled), self.without)
+        other = replace(self, sliding=replace(self.sliding, coupled=coupled))
+        return _with_friction(other, self.friction, self.without)
 
     def having(self, term: str) -> list[int]:
         """The joints, from 0 on, that have a `term` of friction."""
@@ -285,7 +286,6 @@ def chain_model(chain: Chain, gravity: float, friction: tuple[str, ...] = ("visc
         return np.asarray((bodies(angles, speeds, accelerations) @ values[..., None])[..., 0])
 
     names = [*names, *(f"rotor_{i + 1}" for i in range(1, n))]
-    sliding = Sliding(np.zeros(n), np.full(n, STILL), is_smooth=True)
     return _with_friction(
         LinearModel(
             names=tuple(names),
@@ -298,14 +298,13 @@ def chain_model(chain: Chain, gravity: float, friction: tuple[str, ...] = ("visc
             joints=tuple(f"{i + 1}" for i in range(n)),
             slides=np.zeros(n, dtype=np.bool_),
             friction=(),
-            sliding=sliding,
+            sliding=Sliding(np.zeros(n), np.full(n, STILL), is_smooth=True),
             untrusted=np.zeros(n, dtype=np.bool_),
             passive=np.zeros(n, dtype=np.bool_),
             chain=chain,
             gravity=gravity,
         ),
         friction,
-        sliding,
     )
 
 
@@ -339,7 +338,6 @@ def arm_model(
     def chosen(texts: tuple[str, ...]) -> tuple[str, ...]:
         return tuple(text for text, is_kept in zip(texts, kept, strict=True) if is_kept)
 
-    sliding = Sliding(np.zeros(tree.njoint), np.full(tree.njoint, STILL), coupled, is_smooth=True)
     return _with_friction(
         LinearModel(
             names=chosen(prior.base.names),
@@ -352,33 +350,27 @@ def arm_model(
             joints=tuple(tree.names),
             slides=tree.slides,
             friction=(),
-            sliding=sliding,
+            sliding=Sliding(np.zeros(tree.njoint), np.full(tree.njoint, STILL), coupled, is_smooth=True),
             untrusted=np.zeros(tree.njoint, dtype=np.bool_),
             passive=np.zeros(tree.njoint, dtype=np.bool_),
             prior=prior,
         ),
         friction,
-        sliding,
     )
 
 
 def _with_friction(
-    model: LinearModel, terms: tuple[str, ...], sliding: Sliding, without: frozenset[tuple[str, int]] = frozenset()
+    model: LinearModel, terms: tuple[str, ...], without: frozenset[tuple[str, int]] = frozenset()
 ) -> LinearModel:
-    """The bodies of a model with these terms of friction, and those that coupled joints share.
-
-    Args:
-        model: the bodies.
-        terms: of friction.
-        sliding: how dry friction follows the motion, and which joints are coupled.
-        without: terms that single joints have not.
+    """A model with these terms of friction in every joint but those that are `without` them, and those that coupled
+    joints share.
     """
     nbody, between = model.nbody, "_" if model.is_chain else ""
     friction = tuple(term for term in COLUMNS if term in terms)
-    other = replace(model, friction=friction, sliding=sliding, without=without)
+    other = replace(model, friction=friction, without=without)
     names, units = list(model.names[:nbody]), list(model.units[:nbody])
     for term, motor in other.columns:
-        joints = "_".join(str(joint + 1) for joint in sliding.motors[motor])
+        joints = "_".join(str(joint + 1) for joint in model.sliding.motors[motor])
         names.append(f"{_NAMES.get(term, term)}{between}{joints}")
         units.append((_ON_SLIDES if motor < model.njoint and model.slides[motor] else _UNITS)[term])
     expressions = (*model.expressions[:nbody], *[""] * len(other.columns))
