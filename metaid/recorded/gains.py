@@ -157,12 +157,8 @@ def _columns(
         payload: that it carries; None where there is none.
         shapes: mass and place of all payloads.
     """
-    windows, n = part.windows, model.njoint
-    bodies = windows.averaged(part.at_nodes(model, np.zeros(n)))
-    nothing = np.zeros(windows.speeds.shape)
-    friction = windows.averaged(
-        model.friction_columns(windows.speeds, windows.accelerations, part.sliding(model), nothing)
-    )
+    windows = part.windows
+    bodies, friction = np.split(part.rows(model, model.nominal, np.zeros(model.njoint)), [model.nbody], axis=-1)
     empty = np.zeros_like(friction)
     own = np.zeros((*friction.shape[:-1], len(shapes), FIRST))
     if payload is not None:

@@ -55,11 +55,6 @@ class Part:
     smoothed: Smoothed
     _bodies: dict[bytes, Array] = field(default_factory=dict, repr=False, compare=False)
 
-    def at_nodes(self, model: LinearModel, zeros: Array) -> Array:
-        """The torque at nodes (nwindow x nnode x njoint x nbody) for a unit of each of the bodies' unknowns."""
-        windows = self.windows
-        return model.bodies(windows.coordinates + zeros, windows.speeds, windows.accelerations)
-
     def rows(self, model: LinearModel, bodies: Array, zeros: Array) -> Array:
         """The averaged torque for a unit of each unknown (nwindow x ntest x njoint x nparam), friction that grows with
         load by the torque of `bodies` (nbody).  Eq. 65.
@@ -186,7 +181,8 @@ class Equations:
         """
         model, n = self.model, self.model.njoint
         nparam = len(model.names)
-        bodies = self.scale * model.nominal
+        nominal = self._prior_mean
+        bodies = nominal[: model.nbody]
         zeros = np.zeros((self.nlog, n))
         largest = max(float(np.abs(torques).max()) for torques in self.torques) or 1.0
         every = np.concatenate([torques.reshape(-1, n) for torques in self.torques])
@@ -195,7 +191,7 @@ class Equations:
         passes = PASSES if self.zeros or "load" in model.friction else 1
         for step in range(passes):
             rows = [self._rows(part, bodies, zeros[part.log], step > 0) for part in self.parts]
-            nominal, prior = prior_of(model, rows, every, self.scale)
+            prior = prior_of(model, rows, every, self.scale)
             for _ in range(ROUNDS):
                 weight = np.asarray(np.linalg.inv(covariance + floor), dtype=np.float64)
                 blocks = self._blocks(rows, weight, zeros)
@@ -265,8 +261,8 @@ class Equations:
     def without(self, *folds: int) -> Solution:
         """The solution without the folds of these numbers, by the columns and weights of all."""
         solution, _, blocks = self.solved
-        fewer, nominal = blocks.without(*folds), self._prior_mean
-        values, changes, precision = eliminated(fewer, nominal, solution.prior, solution.zeros, self.zeros)
+        fewer, prior = blocks.without(*folds), solution.prior
+        values, changes, precision = eliminated(fewer, self._prior_mean, prior, solution.zeros, self.zeros)
         return replace(solution, values=values, precision=precision, zeros=solution.zeros + changes)
 
     def apart_from(self, fold: Fold) -> Equations:
@@ -282,6 +278,7 @@ class Equations:
 
     @property
     def _prior_mean(self) -> Array:
+        """Of the unknowns (nparam)."""
         mean = np.zeros(len(self.model.names))
         mean[: self.model.nbody] = self.scale * self.model.nominal
         return mean

@@ -104,8 +104,8 @@ def beside_zeros(rows: Array, left: Array, nparam: int, weight: Array) -> tuple[
     return rows[..., :nparam] - zero_columns @ explained, left - zero_columns @ taken
 
 
-def prior_of(model: LinearModel, rows: Sequence[Array], torques: Array, scale: float) -> tuple[Array, Array]:
-    """The prior mean of the unknowns (nparam) and its precision (nparam x nparam): of friction next to none.
+def prior_of(model: LinearModel, rows: Sequence[Array], torques: Array, scale: float) -> Array:
+    """The precision of the unknowns beforehand (nparam x nparam): of friction next to none.
 
     Args:
         model: what is unknown.
@@ -114,8 +114,7 @@ def prior_of(model: LinearModel, rows: Sequence[Array], torques: Array, scale: f
         scale: of the nominal bodies.
     """
     nparam, nbody = len(model.names), model.nbody
-    nominal, precision = np.zeros(nparam), np.zeros((nparam, nparam))
-    nominal[:nbody] = scale * model.nominal
+    precision = np.zeros((nparam, nparam))
     covariance = scale**2 * model.covariance
     deviations = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     deviations = np.where(deviations > 0.0, deviations, UNCERTAIN * max(float(deviations.max(initial=0.0)), UNCERTAIN))
@@ -127,4 +126,4 @@ def prior_of(model: LinearModel, rows: Sequence[Array], torques: Array, scale: f
     widest = FLAT * usual / np.where(of_unit > 0.0, of_unit, 1.0)
     friction = np.arange(nbody, nparam)
     precision[friction, friction] = 1.0 / widest**2
-    return nominal, precision
+    return precision
