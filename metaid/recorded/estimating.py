@@ -27,7 +27,7 @@ from metaid.recorded.held_out import HeldOut, Yardstick
 from metaid.recorded.reading.readings import Record
 from metaid.recorded.weak_form.equations import Equations, Solution, equations_of, first_equations
 from metaid.recorded.weak_form.linear_model import LinearModel
-from metaid.recorded.weak_form.normal import ZERO, Blocks, beside_zeros
+from metaid.recorded.weak_form.normal import ZERO, beside_zeros
 from metaid.recorded.weak_form.possible import Possible, PossibleModel
 from metaid.recorded.weak_form.smoothed import Smoothed, smoothed
 
@@ -133,20 +133,15 @@ def estimate_records(
         still = next(record for record, own in zip(records, logs, strict=True) if not own.judged.any())
         raise RecordError(f"{still.name}: too short, or no joint moves (allowed: some seconds of motion)")
     model = _with_idle(model.with_still(usual_still(logs)), records, logs)
-    plain = first_equations(records, logs, model.with_friction(BASE), MIDDLE)
-    scale = 1.0 if plain is None or gains else torque_scale(plain)
+    first = first_equations(records, logs, model.with_friction(BASE), MIDDLE)
+    scale = 1.0 if first is None or gains else torque_scale(first)
     logs = with_cutoff(records, logs, model, model.is_pendulum and choices.zeros is not False, scale)
     chosen = choose(records, logs, model, choices, scale)
     equations = chosen.equations
-    bodies = Possible(equations.model, equations.scale, fastest(logs))
-    free, _, blocks = equations.solved
-    possible = bodies.closest(free.values, free.precision)
-    yardstick = chosen.yardstick
-    apart = [equations.apart_from(fold) for fold in yardstick.folds]
-    solutions = [bodies.refined(each.solved[0]) for each in apart]
     starts = MANY_STARTS if model.is_pendulum else FEW_STARTS
-    held_out = yardstick.judged(equations, solutions, True, starts)
-    simulator, simulator_model, simulator_held = _for_simulators(equations, logs, yardstick)
+    possible, solutions = _possible(chosen, equations)
+    plain = equations.with_model(equations.model.with_friction(BASE).with_still(usual_still(logs)))
+    simulator, simulator_solutions = _possible(chosen, plain)
     repeated = np.array([each.values for each in solutions])
     covariance = _widened(_projected(equations, possible), repeated)
     if gains is not None:
@@ -159,17 +154,17 @@ def estimate_records(
         chosen=chosen,
         possible=possible,
         simulator=simulator,
-        simulator_model=simulator_model,
+        simulator_model=plain.model,
         covariance=covariance,
         systematic=systematic,
         repeated=repeated,
-        zeros=_zeros(equations, free, blocks, possible.values),
+        zeros=_zeros(equations, possible.values),
         scale=scale,
         carried=np.where(equations.held, np.nan, factors.by_weight / scale),
         accelerated=np.where(equations.held, np.nan, factors.by_motion / scale),
-        held_out=held_out,
-        simulator_held_out=simulator_held,
-        nominal_held_out=_nominal(equations, yardstick, starts),
+        held_out=chosen.yardstick.judged(equations, solutions, True, starts),
+        simulator_held_out=chosen.yardstick.judged(plain, simulator_solutions),
+        nominal_held_out=_nominal(equations, chosen.yardstick, starts),
         misfit=_misfit(equations, possible.values),
         lacking=lacking,
         logs=logs,
@@ -200,8 +195,9 @@ def equations_like(found: RecordedEstimate, record: Record) -> Equations:
     return replace(equations, zeros=chosen.zeros, delay=chosen.delay, scale=chosen.scale)
 
 
-def _zeros(equations: Equations, solution: Solution, blocks: Blocks, values: Array) -> Array:
-    """The zeros (nlog x njoint) that follow from other values (nparam) than those of a solution."""
+def _zeros(equations: Equations, values: Array) -> Array:
+    """The zeros (nlog x njoint) that follow from other values (nparam) than those of the free fit."""
+    solution, _, blocks = equations.solved
     zeros = solution.zeros.copy()
     if equations.zeros:
         shift = values - solution.values
@@ -213,15 +209,11 @@ def _zeros(equations: Equations, solution: Solution, blocks: Blocks, values: Arr
     return zeros
 
 
-def _for_simulators(
-    equations: Equations, logs: Sequence[Smoothed], yardstick: Yardstick
-) -> tuple[PossibleModel, LinearModel, HeldOut]:
-    """The model with viscous and Coulomb friction alone, and how well it predicts what was left out."""
-    plain = equations.with_model(equations.model.with_friction(BASE).with_still(usual_still(logs)))
-    bodies, free = Possible(plain.model, plain.scale, fastest(logs)), plain.solved[0]
-    apart = [plain.apart_from(fold) for fold in yardstick.folds]
-    held_out = yardstick.judged(plain, [bodies.refined(each.solved[0]) for each in apart])
-    return bodies.closest(free.values, free.precision), plain.model, held_out
+def _possible(chosen: Chosen, equations: Equations) -> tuple[PossibleModel, list[Solution]]:
+    """The model that can be and that some equations tell, and what they tell of it without each fold (nfold)."""
+    bodies, free = Possible(equations.model, equations.scale, fastest(chosen.yardstick.logs)), equations.solved[0]
+    apart = [equations.apart_from(fold).solved[0] for fold in chosen.yardstick.folds]
+    return bodies.closest(free.values, free.precision), [bodies.refined(each) for each in apart]
 
 
 def _nominal(equations: Equations, yardstick: Yardstick, starts: int) -> HeldOut:
