@@ -34,7 +34,7 @@ from metaid.recorded.doubts.odd_logs import odd_log
 from metaid.recorded.doubts.units import units_of
 from metaid.recorded.estimating import RecordedEstimate
 from metaid.recorded.reading.readings import Record
-from metaid.recorded.weak_form.equations import Equations, Part, first_equations
+from metaid.recorded.weak_form.equations import Equations, first_equations
 from metaid.recorded.weak_form.normal import FAR_ZERO
 from metaid.recorded.weak_form.smoothed import Smoothed
 
@@ -191,6 +191,6 @@ def _thinned(records: Sequence[Record], logs: Sequence[Smoothed], found: Recorde
         windows = part.windows.thinned(4)
         few = windows.only(np.arange(0, len(windows), min(stride, max(1, len(windows) // 3))))
         moved = replace(few, coordinates=few.coordinates + zeros[part.log])
-        parts.append(Part(part.log, part.record, moved, part.smoothed))
+        parts.append(replace(part, windows=moved))
     trusted = replace(model, untrusted=model.untrusted | every.held)
     return replace(every, model=trusted, parts=tuple(parts), scale=found.scale, delay=found.delay)

@@ -7,7 +7,7 @@ hangs or leans.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -16,9 +16,10 @@ import numpy as np
 from metaid.models import Array
 from metaid.recorded.absolute import MOTOR, Absolute, absolute_joints, absolute_of
 from metaid.recorded.doubts.scales import scales_of, torque_scale
-from metaid.recorded.weak_form.equations import Equations, Part
+from metaid.recorded.weak_form.equations import Equations
 from metaid.recorded.weak_form.linear_model import LinearModel, arm_model
 from metaid.recorded.weak_form.possible import Possible
+from metaid.recorded.weak_form.windows import Windows
 
 NAMED = 0.75  # of the torque that the model leaves unexplained: a fact that leaves less is named
 WRONG = 0.08  # of the torque, that must be unexplained for a fact to be looked for
@@ -70,19 +71,12 @@ class Check:
     def with_torques(self, factors: Array) -> Check:
         """The same with logged torques that are multiplied (njoint)."""
         own = self.measured
-        torques = [
-            own.torques_of_joints(own.logged_torques(part.record.torques) * factors) for part in self.equations.parts
-        ]
-        parts = zip(self.equations.parts, torques, strict=True)
-        return self._with([replace(part, record=part.record.with_torques(each)) for part, each in parts])
+        return self._mended(torques=lambda sent: own.torques_of_joints(own.logged_torques(sent) * factors))
 
     def with_angles(self, offsets: Array) -> Check:
         """The same with logged angles that are shifted (njoint)."""
-        parts = []
-        for part in self.equations.parts:
-            moved = part.windows.coordinates + self.measured.of_joints(offsets)
-            parts.append(Part(part.log, part.record, replace(part.windows, coordinates=moved), part.smoothed))
-        return self._with(parts)
+        shift = self.measured.of_joints(offsets)
+        return self._mended(windows=lambda own: replace(own, coordinates=own.coordinates + shift))
 
     def with_logged(self, turned: Array) -> Check:
         """The same of logs with signs or places of joints that are `turned` (njoint x njoint, orthogonal)."""
@@ -94,23 +88,27 @@ class Check:
         """The same of logs that measure the robot in an `other` way, motors that stand on the base with no friction of
         their own: more unknowns would speak for them.
         """
-        parts, before = [], self.measured
-        for part in self.equations.parts:
-            own = part.windows
-            coordinates, speeds, accelerations = (
-                other.of_joints(before.logged(each)) for each in (own.coordinates, own.speeds, own.accelerations)
-            )
-            windows = replace(own, coordinates=coordinates, speeds=speeds, accelerations=accelerations)
-            torques = other.torques_of_joints(before.logged_torques(part.record.torques))
-            parts.append(Part(part.log, part.record.with_torques(torques), windows, part.smoothed))
-        return replace(self._with(parts), measured=other)
+        before = self.measured
+        mended = self._mended(
+            windows=lambda own: own.mapped(lambda each: other.of_joints(before.logged(each))),
+            torques=lambda sent: other.torques_of_joints(before.logged_torques(sent)),
+        )
+        return replace(mended, measured=other)
 
     def with_model(self, model: LinearModel) -> Check:
         """The same of another robot."""
-        parts = [Part(part.log, part.record, part.windows, part.smoothed) for part in self.equations.parts]
-        return replace(self, equations=replace(self.equations, parts=tuple(parts), model=model))
+        return replace(self, equations=self.equations.with_model(model))
 
-    def _with(self, parts: Sequence[Part]) -> Check:
+    def _mended(
+        self,
+        windows: Callable[[Windows], Windows] = lambda own: own,
+        torques: Callable[[Array], Array] = lambda sent: sent,
+    ) -> Check:
+        """The same with other `windows`, and other `torques` of the joints (nrow x njoint)."""
+        parts = [
+            replace(part, windows=windows(part.windows), record=part.record.with_torques(torques(part.record.torques)))
+            for part in self.equations.parts
+        ]
         return replace(self, equations=replace(self.equations, parts=tuple(parts)))
 
 

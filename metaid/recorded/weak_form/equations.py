@@ -8,7 +8,7 @@ Equation numbers are those of docs/method.md.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -53,7 +53,6 @@ class Part:
     record: Record
     windows: Windows
     smoothed: Smoothed
-    _bodies: dict[bytes, Array] = field(default_factory=dict, repr=False, compare=False)
 
     def rows(self, model: LinearModel, bodies: Array, zeros: Array) -> Array:
         """The averaged torque for a unit of each unknown (nwindow x ntest x njoint x nparam), friction that grows with
@@ -69,18 +68,18 @@ class Part:
         the first zeros and the last; and the torque of `bodies` (nbody) at nodes (nwindow x nnode x njoint), 0 where no
         friction grows with it. What is at all nodes for each unknown would not fit into memory.
         """
-        windows, key = self.windows, zeros.tobytes()
+        windows, kept, key = self.windows, self.windows.kept, (model.bodies, zeros.tobytes())
         count = -(-windows.speeds.size * model.nbody // CHUNK)
         chunks = [windows.only(own) for own in np.array_split(np.arange(len(windows)), count)]
-        if key not in self._bodies:
-            if len(self._bodies) > 1:
-                self._bodies.popitem()
+        if key not in kept:
+            if len(kept) > 1:
+                kept.popitem()
             rows = (model.bodies(own.coordinates + zeros, own.speeds, own.accelerations) for own in chunks)
-            self._bodies[key] = np.concatenate([own.averaged(each) for own, each in zip(chunks, rows, strict=True)])
+            kept[key] = np.concatenate([own.averaged(each) for own, each in zip(chunks, rows, strict=True)])
         if "load" not in model.friction:
-            return self._bodies[key], np.zeros(windows.speeds.shape)
+            return kept[key], np.zeros(windows.speeds.shape)
         rigid = (model.rigid(bodies, own.coordinates + zeros, own.speeds, own.accelerations) for own in chunks)
-        return self._bodies[key], np.concatenate(list(rigid))
+        return kept[key], np.concatenate(list(rigid))
 
     def whole(self, model: LinearModel, bodies: Array, torques: Array) -> Array:
         """What errors of averaged `torques` (nwindow x ntest x njoint) are shares of, squared, by bodies (nbody)."""
@@ -273,7 +272,7 @@ class Equations:
             if not shared.any():
                 parts.append(part)
             elif not shared.all():
-                parts.append(Part(part.log, part.record, part.windows.only(~shared), part.smoothed))
+                parts.append(replace(part, windows=part.windows.only(~shared)))
         return replace(self, parts=tuple(parts))
 
     @property

@@ -7,7 +7,7 @@ torques that were sent and those that a model needs pass one at a cut-off.  Eq. 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -51,7 +51,7 @@ class Smoothed:
     judged: NDArray[np.bool_]
     cutoff: float
     _states: dict[tuple[bytes, bytes, tuple[tuple[int, int], ...]], Array] = field(
-        default_factory=dict, repr=False, compare=False
+        init=False, default_factory=dict, repr=False, compare=False
     )
 
     @property
@@ -62,8 +62,8 @@ class Smoothed:
     def until(self, time: float) -> Smoothed:
         """The rows before a `time`, in s; torques fade out of the filter in a few periods of its cut-off."""
         rows = slice(int(np.searchsorted(self.times, time)))
-        own = {each: getattr(self, each)[rows] for each in ("times", "coordinates", "speeds", "accelerations")}
-        return Smoothed(**own, sent=self.sent[rows], judged=self.judged[rows], cutoff=self.cutoff)
+        of_rows = ("times", "coordinates", "speeds", "accelerations", "sent", "judged")
+        return replace(self, **{each: getattr(self, each)[rows] for each in of_rows})
 
     @cached_property
     def torques(self) -> Array:

@@ -7,7 +7,8 @@ acceleration is made of differences of readings. Equation numbers are those of d
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.polynomial import Polynomial, legendre
@@ -42,6 +43,7 @@ class Windows:
         readings: how many there are in a window.
         noise: root mean square of what the polynomials leave of the readings (njoint), in rad or m.
         apart: the time from one window to the next, in s.
+        kept: what was averaged over them, that takes long, for `Part`; others made of these keep their own.
     """
 
     span: float
@@ -54,6 +56,7 @@ class Windows:
     readings: int
     noise: Array
     apart: float
+    kept: dict[tuple[object, bytes], Array] = field(init=False, default_factory=dict, repr=False, compare=False)
 
     def __len__(self) -> int:
         return len(self.middles)
@@ -65,24 +68,19 @@ class Windows:
 
     def only(self, which: NDArray[np.bool_] | NDArray[np.intp]) -> Windows:
         """Those of `which` (nwindow), or of these numbers."""
-        return replace(
-            self,
-            middles=self.middles[which],
-            coordinates=self.coordinates[which],
-            speeds=self.speeds[which],
-            accelerations=self.accelerations[which],
-        )
+        return replace(self.mapped(lambda each: each[which]), middles=self.middles[which])
 
     def thinned(self, every: int) -> Windows:
         """The same with one of `every` nodes."""
         kept = slice(every // 2, None, every)
-        return replace(
-            self,
-            coordinates=self.coordinates[:, kept],
-            speeds=self.speeds[:, kept],
-            accelerations=self.accelerations[:, kept],
-            nodes=self.nodes[kept],
-        )
+        return replace(self.mapped(lambda each: each[:, kept]), nodes=self.nodes[kept])
+
+    def mapped(self, change: Callable[[Array], Array]) -> Windows:
+        """The same with coordinates, speeds and accelerations (nwindow x nnode x njoint each) changed in the same
+        way.
+        """
+        coordinates, speeds, accelerations = map(change, (self.coordinates, self.speeds, self.accelerations))
+        return replace(self, coordinates=coordinates, speeds=speeds, accelerations=accelerations)
 
     @property
     def times(self) -> Array:
