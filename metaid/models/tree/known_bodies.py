@@ -44,33 +44,26 @@ def known_bodies(prior: ArmPrior, values: Array, covariance: Array) -> KnownBodi
     possible = possible_bodies(prior, values)
     if possible is None:
         return None
-    njoint, beforehand, gain = prior.nominal.njoint, prior.parameter_covariance, prior.gain
+    tree, beforehand, gain = possible.tree, prior.parameter_covariance, prior.gain
     left = beforehand - gain @ prior.base.matrix @ beforehand + gain @ covariance @ gain.T
-    blocks = left.reshape(njoint, -1, njoint, left.shape[0] // njoint)
-    steps = NUDGE * np.sqrt(np.diag(beforehand)).reshape(njoint, -1)[:, :BODY]
-    parameters, deviations = possible.tree.parameters[:, :BODY], []
-    for i, (own, step) in enumerate(zip(parameters, np.diag(np.ones(BODY)) * steps[:, None], strict=True)):
-        change = (_quantities(own + step) - _quantities(own - step)) / (2.0 * np.diag(step)[:, None])
-        spread = np.einsum("pq,pr,rq->q", change, blocks[i, :BODY, i, :BODY], change)
-        deviations.append(np.sqrt(np.maximum(spread, 0.0)))
-    kinds, joints = list(QUANTITIES), range(1, njoint + 1)
+    joints = np.arange(tree.njoint)
+    of_links = left.reshape(tree.njoint, -1, tree.njoint, left.shape[0] // tree.njoint)[joints, :BODY, joints, :BODY]
+    steps = NUDGE * np.sqrt(np.diag(beforehand)).reshape(tree.njoint, -1)
+    changes = []
+    for parameter in range(BODY):
+        step = np.where(np.arange(steps.shape[1]) == parameter, steps, 0.0)
+        more, less = (body_quantities(tree.with_parameters(tree.parameters + each)) for each in (step, -step))
+        changes.append((more - less).reshape(-1, tree.njoint) / (2.0 * steps[:, parameter]))
+    spread = np.einsum("pqi,ipr,rqi->qi", changes, of_links, changes).ravel()
     return KnownBodies(
-        tuple(f"{kind}_{joint}" for kind in kinds for joint in joints),
-        tuple(QUANTITIES[kind] for kind in kinds for _ in joints),
-        body_quantities(possible.tree),
-        np.array(deviations).T.ravel(),
+        tuple(f"{kind}_{joint + 1}" for kind in QUANTITIES for joint in joints),
+        tuple(unit for unit in QUANTITIES.values() for _ in joints),
+        body_quantities(tree),
+        np.sqrt(np.maximum(spread, 0.0)),
     )
 
 
 def body_quantities(tree: Tree) -> Array:
     """The quantities of the links of an arm (n), in the order of `KnownBodies`."""
-    return _quantities(tree.parameters[:, :BODY]).T.ravel()
-
-
-def _quantities(parameters: Array) -> Array:
-    """Mass, centre of mass and inertia about that (... x 10) of links by their `parameters` (... x 10)."""
-    mass, com = parameters[..., :1], parameters[..., 1:4] / parameters[..., :1]
-    lever = (com**2).sum(axis=-1)[..., None, None] * np.eye(3) - com[..., :, None] * com[..., None, :]
-    square = mass[..., None] * lever
-    upper = np.triu_indices(3)
-    return np.concatenate([mass, com, parameters[..., 4:] - square[..., *upper]], axis=-1)
+    inertia = tree.inertia[:, *np.triu_indices(3)]
+    return np.concatenate([tree.mass, tree.com.T.ravel(), inertia.T.ravel()])
