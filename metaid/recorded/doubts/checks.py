@@ -59,7 +59,7 @@ def facts_of(records: Sequence[Record], found: RecordedEstimate, measured: Absol
     """
     odd = odd_log(found) if found.held_out.relative > WRONG else None
     if odd is not None:
-        return (Fact(odd, "", 0.0),)
+        return (odd,)
     dead = found.model.passive & ~found.equations.held & (found.held_out.by_joint > DRIVEN)
     driven = tuple(_driven(name) for name in np.array(found.model.joints)[dead].tolist())
     equations = _thinned(records, found.logs, found)
@@ -80,9 +80,8 @@ def _named(equations: Equations, found: RecordedEstimate, measured: Absolute | N
     usual = check.left()
     falling = falling_torques(check, usual)
     if falling.any():
-        text, option = named_as_falling(check, falling)
         model = replace(equations.model, untrusted=equations.model.untrusted | falling)
-        return (Fact(text, option, 0.0), *_named(replace(equations, model=model), found, measured))
+        return (named_as_falling(check, falling), *_named(replace(equations, model=model), found, measured))
     units = units_of(check)
     turned = _turned(found)
     if usual.max() < WRONG and not units:
@@ -121,7 +120,7 @@ def _driven(name: str) -> Fact:
     """That a joint whose torques are all 0 does not move as one without a motor does."""
     option = f"--untrusted {name}"
     text = f"every torque of joint {name} is 0, but a motor seems to move it: {option} fits nothing to its torque"
-    return Fact(text, option, 0.0)
+    return Fact(text, option)
 
 
 def _turned(found: RecordedEstimate) -> tuple[Fact, ...]:
@@ -136,14 +135,14 @@ def _turned(found: RecordedEstimate) -> tuple[Fact, ...]:
     if is_pendulum:
         name = found.model.joints[0]
         text, option = f"the zero of joint {name} is off by 180°", f"--zero {name}={np.pi:.4f}"
-        return (Fact(f"{text}: {option}", option, 0.0),) if len(moved) and (moved > 0.0).all() else ()
+        return (Fact(f"{text}: {option}", option),) if len(moved) and (moved > 0.0).all() else ()
     assert prior is not None
     option = "--gravity " + ",".join(f"{0.0 - each:g}" for each in prior.nominal.gravity)
     text = (
         "the nominal bodies need the opposite of what every joint carries: gravity points the other way in the frame "
         f"of the base, {option}, or the torques of all joints have the opposite sign, {SIGNS}"
     )
-    return (Fact(text, option, 0.0),)
+    return (Fact(text, option),)
 
 
 def _fact(mended: Sequence[Suspected], left: float) -> Fact:

@@ -48,4 +48,4 @@ def brief_contact(found: RecordedEstimate) -> Fact | None:
         f"{share:.0%} of what is left of joint {model.joints[joint]} is about {time:.4g} s after {name} begins, "
         f"as of an end stop, a blow or a contact: {option}"
     )
-    return Fact(text, option, 0.0)
+    return Fact(text, option)

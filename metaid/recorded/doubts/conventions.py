@@ -115,12 +115,12 @@ class Check:
 @dataclass(frozen=True)
 class Fact:
     """Something that looks wrong: the `option` that mends it, a sentence without a full stop, and what is left of the
-    unexplained torque with it.
+    unexplained torque with it, where that is known.
     """
 
     text: str
     option: str
-    left: float
+    left: float = 0.0
 
 
 class Suspected(NamedTuple):

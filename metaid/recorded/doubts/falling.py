@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from metaid.errors import joints_of
 from metaid.models import Array
-from metaid.recorded.doubts.conventions import LOST, NAMED, WRONG, Check
+from metaid.recorded.doubts.conventions import LOST, NAMED, WRONG, Check, Fact
 from metaid.recorded.doubts.scales import KNOWN
 
 
@@ -31,8 +31,8 @@ def falling_torques(check: Check, usual: Array) -> NDArray[np.bool_]:
     return falling
 
 
-def named_as_falling(check: Check, falling: NDArray[np.bool_]) -> tuple[str, str]:
-    """Those joints in a sentence without a full stop, and the option that fits nothing to their torques."""
+def named_as_falling(check: Check, falling: NDArray[np.bool_]) -> Fact:
+    """What is said of those joints, with the option that fits nothing to their torques."""
     model, values = check.equations.model, check.equations.solved[0].values
     names = np.array(model.joints)[falling].tolist()
     slopes = [f"{-values[model.columns['viscous', joint]]:.2g}" for joint in np.flatnonzero(falling).tolist()]
@@ -42,4 +42,4 @@ def named_as_falling(check: Check, falling: NDArray[np.bool_]) -> tuple[str, str
         f"what drives {joints_of(names)} falls with speed, by {', '.join(slopes)} {unit}, as with no friction: a drive "
         f"that cancels friction may send more than it logs; {option} fits nothing to it"
     )
-    return text, option
+    return Fact(text, option)

@@ -7,14 +7,15 @@ from dataclasses import replace
 import numpy as np
 
 from metaid.recorded.choosing import BASE
+from metaid.recorded.doubts.conventions import Fact
 from metaid.recorded.estimating import RecordedEstimate
 
 SPOILS = 0.5  # of the error with which the others are predicted with the log: without it they are to less
 
 
-def odd_log(found: RecordedEstimate) -> str | None:
-    """Of whole logs that were held out those without which the others predict one another far better, in a sentence
-    without a full stop; None where there are none. Friction is the plainest then, and encoders have no zeros: what was
+def odd_log(found: RecordedEstimate) -> Fact | None:
+    """Of whole logs that were held out those without which the others predict one another far better; None where there
+    are none. Friction is the plainest then, and encoders have no zeros: what was
     chosen with such a log need not suit the others. With it they are predicted so, or as the estimate does, if better.
     """
     yardstick, chosen = found.chosen.yardstick, found.equations
@@ -34,7 +35,8 @@ def odd_log(found: RecordedEstimate) -> str | None:
     without, beside, name = min(errors, key=lambda each: each[0] / max(each[1], 1e-300))
     if not (np.isfinite(without) and without < SPOILS * beside):
         return None
-    return (
+    text = (
         f"{name} contradicts the other logs, which predict one another to {without:.1%} without it, to {beside:.1%} "
         "with it: leave it out, or see what is wrong"
     )
+    return Fact(text, "")

@@ -108,13 +108,10 @@ def suspects(equations: Equations, values: Array, scales: bool) -> Iterator[Susp
     """
     model, n = equations.model, equations.model.njoint
     every, parts = tuple(range(n)), equations.parts
-    joints = np.arange(n)
 
     def of_each(part: Part, at_nodes: Array) -> Array:
         """What each joint has by itself (nwindow x nnode x njoint), averaged, as columns."""
-        columns = np.zeros((len(part.windows), 2, n, n))
-        columns[..., joints, joints] = part.windows.averaged(at_nodes)
-        return columns
+        return part.windows.averaged(at_nodes)[..., None] * np.eye(n)
 
     yield Suspect("a spring", [of_each(part, part.windows.coordinates) for part in parts], every)
     for term, words in MISSING.items():
@@ -139,11 +136,7 @@ def suspects(equations: Equations, values: Array, scales: bool) -> Iterator[Susp
     driven = np.flatnonzero(~(model.passive | model.untrusted)).tolist()
     if scales and len(driven) > 1:  # of one joint, or of all, no log shows it
         against = np.linalg.svd(np.eye(len(driven)) - 1.0 / len(driven))[0][:, :-1]  # those of all together are 0
-        columns = []
-        for torques in equations.torques:
-            one_each = np.zeros((*torques.shape, n))
-            one_each[..., joints, joints] = torques
-            columns.append(one_each[..., driven] @ against)
+        columns = [(torques[..., None] * np.eye(n))[..., driven] @ against for torques in equations.torques]
         deviations = np.full(len(driven) - 1, SCALE)
         yield Suspect("another scale of the torques", columns, tuple(driven), deviations, against)
     if model.prior is not None:

@@ -31,12 +31,12 @@ def units_of(check: Check) -> dict[int, tuple[float, Fact]]:
             text = (
                 f"joint {names[joint]} needs {ratio:.3g} times the torque that the nominal bodies do, as other joints"
             )
-            units[joint] = 1.0, Fact(f"{text} confirm: these bodies are wrong, not its unit", "", 0.0)
+            units[joint] = 1.0, Fact(f"{text} confirm: these bodies are wrong, not its unit", "")
             continue
         unit = {0.001: "mN m", 1000.0: "kN m"}.get(factor, "a motor current or another unit")
         option = f"--scale {names[joint]}={factor:.3g}"
         text = f"the torque of joint {names[joint]} is {ratio:.3g} times what the others' scale would make it: {unit}?"
-        units[joint] = factor, Fact(f"{text} {option}", option, 0.0)
+        units[joint] = factor, Fact(f"{text} {option}", option)
     return units
 
 

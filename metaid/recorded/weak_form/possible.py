@@ -108,20 +108,17 @@ class Possible:
         model, n, nlinks = self._model, self._tree.njoint, len(self._links)
         each = np.eye(self._nfree)[:nlinks].reshape(n, self._nlink, self._nfree)
         if model.is_chain:
-            of_links = np.moveaxis(np.array([[each[:, 2], each[:, 1]], [each[:, 1], each[:, 0]]]), 2, 0)
-            own = self._links.reshape(n, -1)
-            nominal = np.moveaxis(np.array([[own[:, 2], own[:, 1]], [own[:, 1], own[:, 0]]]), 2, 0)
-            thick = nominal.copy()
-            thick[:, 0, 0] = np.maximum(thick[:, 0, 0], 1.001 * own[:, 1] ** 2 / own[:, 0])
-            nominal = thick
+            own, moments = self._links.reshape(n, -1), np.array([[2, 1], [1, 0]])
+            of_links, nominal = each[:, moments], own[:, moments]
+            nominal[:, 0, 0] = np.maximum(nominal[:, 0, 0], 1.001 * own[:, 1] ** 2 / own[:, 0])  # it has a thickness
         else:
             of_links = np.moveaxis(pseudo_inertia(each.swapaxes(1, 2)), 1, -1)
             nominal = self._scale * nominal_pseudo_inertias(self._tree)
         rows, sizes = self._friction_rows(values, deviations)
         of_friction = np.zeros((len(rows), self._nfree))
         of_friction[:, nlinks : nlinks + len(self._friction)] = rows
-        numbers = np.concatenate([each[:, -1], of_friction]), np.concatenate([self._usual_rotor, sizes])
-        return [Matrices(of_links, nominal), Matrices(numbers[0][:, None, None, :], numbers[1][:, None, None])]
+        numbers, usual = np.concatenate([each[:, -1], of_friction]), np.concatenate([self._usual_rotor, sizes])
+        return [Matrices(of_links, nominal), Matrices(numbers[:, None, None, :], usual[:, None, None])]
 
     def _friction_rows(self, values: Array, deviations: Array) -> tuple[Array, Array]:
         """Combinations of the unknowns of friction (nrow x nfriction) that are not negative, and their usual sizes
@@ -178,21 +175,13 @@ class Possible:
 
     def _tree_of(self, links: Array, length: Array) -> Tree:
         """The arm that has these links (njoint x nlink)."""
-        nominal, n = self._tree, self._tree.njoint
-        friction = np.zeros((n, 2))
+        parameters = np.zeros((self._tree.njoint, len(PARAMETERS)))
         if not self._model.is_chain:
-            return nominal.with_parameters(np.column_stack([links, friction]))
+            parameters[:, :RIGID] = links
+            return self._tree.with_parameters(parameters)
         mass, first, second, rotor = links.T
-        rotor = np.concatenate([[0.0], rotor[1:]])  # that of the first joint is part of its link
-        upright = np.array([0.0, 0.0, 1.0])
-        com = first / mass
-        return replace(
-            nominal,
-            position=np.concatenate([[0.0], length])[:, None] * upright,
-            mass=mass,
-            com=com[:, None] * upright,
-            inertia=(second - mass * com**2)[:, None, None] * np.eye(3),
-            rotor=rotor,
-            damping=np.zeros(n),
-            coulomb=np.zeros(n),
-        )
+        rotor = np.append(0.0, rotor[1:])  # that of the first joint is part of its link
+        columns = [PARAMETERS.index(name) for name in ("m", "mz", "xx", "yy", "zz", "rotor")]
+        parameters[:, columns] = np.stack([mass, first, second, second, second - first**2 / mass, rotor], axis=1)
+        position = np.concatenate([[0.0], length])[:, None] * np.array([0.0, 0.0, 1.0])
+        return replace(self._tree.with_parameters(parameters), position=position)
