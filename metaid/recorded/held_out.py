@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -160,74 +160,16 @@ class Yardstick:
         return "logs" if self.folds[0].third is None else "blocks"
 
     @cached_property
-    def _first_halves(self) -> Yardstick:
+    def _first_halves(self) -> list[Smoothed]:
         """Of each log what tells its zeros, and what passes the filter into it."""
-        return replace(self, logs=tuple(each.until(_middle(each) + FADES / each.cutoff) for each in self.logs))
-
-    @cached_property
-    def _bodies(self) -> dict[int, Array]:
-        return {}
-
-    def rigid(self, model: LinearModel, bodies: Array, log: int, zeros: Array) -> Array:
-        """The torque of bodies at the rows of a log (... x nrow x njoint), in N m or N.
-
-        Args:
-            model: what is unknown.
-            bodies: the unknowns of the bodies (nbody).
-            log: which of the logs.
-            zeros: of its encoders (... x njoint), in rad.
-        """
-        own = self.logs[log]
-        if zeros.any():
-            return model.rigid(bodies, own.coordinates + zeros[..., None, :], own.speeds, own.accelerations)
-        return np.asarray(self._columns(model, log) @ bodies)
-
-    def _columns(self, model: LinearModel, log: int) -> Array:
-        """The torque of each body parameter at the rows of a log (nrow x njoint x nbody), without zeros, kept."""
-        if log not in self._bodies:
-            own = self.logs[log]
-            self._bodies[log] = model.bodies(own.coordinates, own.speeds, own.accelerations)
-        return self._bodies[log]
-
-    def predicted(self, model: LinearModel, values: Array, log: int, zeros: Array) -> Array:
-        """The torques of a log (... x nrow x njoint), through the filter.
-
-        Args:
-            model: what is unknown.
-            values: the unknowns (nparam).
-            log: which of the logs.
-            zeros: of its encoders (... x njoint), in rad.
-        """
-        own = self.logs[log]
-        rigid = self.rigid(model, values[: model.nbody], log, zeros)
-        friction = model.friction_at(values)
-        return own.filtered(rigid + friction.torque(own.speeds, own.accelerations, rigid, own.states(model)))
-
-    def whole(self, model: LinearModel, bodies: Array, log: int, sent: Array) -> Array:
-        """What errors of the torques of a log are shares of, squared (nrow x njoint): see `LinearModel.whole`.
-
-        Args:
-            model: what is unknown.
-            bodies: the unknowns of the bodies (nbody).
-            log: which of the logs.
-            sent: the torques that acted (nrow x njoint).
-        """
-        return model.whole(sent, bodies, lambda: self._columns(model, log))
-
-    def sent(self, log: int, delay: float) -> Array:
-        """The torques that acted (nrow x njoint), through the filter."""
-        own = self.logs[log]
-        if not delay:
-            return own.torques
-        shifted = [np.interp(own.times - delay, own.times, column) for column in own.torques.T]
-        return np.stack(shifted, axis=1)
+        return [each.until(each.middle + FADES / each.cutoff) for each in self.logs]
 
     def rows_of(self, fold: Fold, log: int, second_half: bool) -> NDArray[np.bool_]:
         """Which rows of a log (nrow) a fold judges: with unknown zeros the second half of it alone."""
         own = self.logs[log]
         inside = own.judged & fold.rows(log, own.times)
         if second_half and fold.third is None:
-            inside &= own.times >= _middle(own)
+            inside &= own.times >= own.middle
         return inside
 
     def zeros_of(self, model: LinearModel, values: Array, log: int, delay: float) -> Array:
@@ -239,14 +181,13 @@ class Yardstick:
             log: which of the logs.
             delay: by which torques act later than they are logged, in s.
         """
-        halves, middle = self._first_halves, _middle(self.logs[log])
-        own = halves.logs[log]
-        first = own.judged & (own.times < middle)
+        own = self._first_halves[log]
+        first = own.judged & (own.times < self.logs[log].middle)
         zeros = np.zeros(model.njoint)
         shifts = SHIFT * np.vstack([zeros, np.eye(model.njoint)])
-        sent = halves.sent(log, delay)
+        sent = own.acting(delay)
         for _ in range(ZERO_STEPS):
-            usual, *moved = halves.predicted(model, values, log, zeros + shifts)[:, first]
+            usual, *moved = own.predicted(model, values, zeros + shifts)[:, first]
             left = sent[first] - usual
             spread = np.sqrt((left**2).mean(axis=0)) + 1e-12
             rows = np.stack([((each - usual) / SHIFT / spread).ravel() for each in moved], axis=1)
@@ -317,14 +258,14 @@ class Yardstick:
         parts = []
         for number, (fold, solution) in enumerate(zip(self.folds, solutions, strict=True)):
             for log in fold.logs:
-                zeros = solution.zeros[log]
+                own, zeros = self.logs[log], solution.zeros[log]
                 if equations.zeros and fold.third is None:
                     zeros = self.zeros_of(model, solution.values, log, delay)
                 rows = self.rows_of(fold, log, equations.zeros or model.is_pendulum or self.of_halves)
-                sent = self.sent(log, delay)
-                left = (sent - self.predicted(model, solution.values, log, zeros))[rows]
+                sent = own.acting(delay)
+                left = (sent - own.predicted(model, solution.values, zeros))[rows]
                 squares = model.trusted_alone((left**2).sum(axis=0))
-                whole = self.whole(model, solution.values[: model.nbody], log, sent)[rows].sum(axis=0)
+                whole = own.whole(model, solution.values[: model.nbody], sent)[rows].sum(axis=0)
                 parts.append(Part(number, log, len(fold.logs), rows, squares, whole, solution.values, zeros))
         return tuple(parts)
 
@@ -333,9 +274,3 @@ def _relative(parts: Sequence[Part]) -> float:
     """The error of some parts together, as a share of what the torques are."""
     whole = sum(float(part.whole.sum()) for part in parts)
     return float(np.sqrt(sum(float(part.squares.sum()) for part in parts) / max(whole, 1e-300)))
-
-
-def _middle(own: Smoothed) -> float:
-    """When half of the judged rows have passed, in s."""
-    times = own.times[own.judged]
-    return float(times[len(times) // 2]) if len(times) else float(own.times[len(own.times) // 2])

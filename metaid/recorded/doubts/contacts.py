@@ -21,14 +21,14 @@ def brief_contact(found: RecordedEstimate) -> Fact | None:
     """The joint of which far the most that is left is within a moment, and when; None where there is none. Gears,
     friction and noise miss a little all the time.
     """
-    yardstick, model, held = found.chosen.yardstick, found.model, found.held_out
+    model, held = found.model, found.held_out
     moved = sum(float(own.judged.sum()) * own.period for own in found.logs)
     may = ~(model.untrusted | model.passive | found.equations.held) & (held.by_joint > MISSED)
     if SELDOM * moved < MOMENT or not may.any():
         return None
     moments, whole = [], np.zeros(model.njoint)
     for log, own in enumerate(found.logs):
-        left = yardstick.sent(log, found.delay) - yardstick.predicted(model, found.values, log, found.zeros[log])
+        left = own.acting(found.delay) - own.predicted(model, found.values, found.zeros[log])
         squares = np.where(own.judged[:, None], left**2, 0.0) * own.period
         reach = max(1, round(MOMENT / own.period))
         sums = np.cumsum(np.vstack([np.zeros(model.njoint), squares]), axis=0)

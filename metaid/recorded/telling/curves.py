@@ -98,7 +98,7 @@ def _usual_load(found: RecordedEstimate) -> Array:
     """The mean size of the torque of the bodies in each joint (njoint), in N m or N."""
     bodies = found.values[: found.model.nbody]
     sizes = []
-    for log, own in enumerate(found.logs):
-        rigid = found.chosen.yardstick.rigid(found.model, bodies, log, found.zeros[log])
+    for own, zeros in zip(found.logs, found.zeros, strict=True):
+        rigid = own.rigid(found.model, bodies, zeros)
         sizes.append(np.abs(rigid[own.judged]))
     return np.asarray(np.concatenate(sizes).mean(axis=0), dtype=np.float64)

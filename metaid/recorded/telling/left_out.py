@@ -45,8 +45,8 @@ def predicted_parts(
         LeftOut(
             names[part.log],
             yardstick.logs[part.log].times,
-            yardstick.sent(part.log, found.delay),
-            yardstick.predicted(found.model, part.values, part.log, part.zeros),
+            yardstick.logs[part.log].acting(found.delay),
+            yardstick.logs[part.log].predicted(found.model, part.values, part.zeros),
             part.rows,
         )
         for part in held.parts

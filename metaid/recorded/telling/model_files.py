@@ -15,7 +15,6 @@ from metaid.exporting import ArmLaw, Dynamics, IdentifiedModel, couples_of, file
 from metaid.models import IDEAL, Array, Chain, chain_of_lumps
 from metaid.models.tree import PARAMETERS, JointFriction, Tree
 from metaid.recorded.estimating import RecordedEstimate
-from metaid.recorded.held_out import Yardstick
 from metaid.recorded.reading.readings import Record
 from metaid.recorded.telling.judging import RecordedVerdict
 from metaid.recorded.weak_form.smoothed import Smoothed
@@ -126,8 +125,7 @@ def file_error(path: Path, name: str, found: RecordedEstimate, logs: Sequence[Sm
         zeros: of their encoders (nlog x njoint), in rad.
     """
     squares, whole, rows = np.zeros(found.model.njoint), np.zeros(found.model.njoint), 0
-    yardstick = Yardstick(tuple(logs), ())
-    for log, (own, zero) in enumerate(zip(logs, zeros, strict=True)):
+    for own, zero in zip(logs, zeros, strict=True):
         predicted = file_torques(
             path,
             name,
@@ -139,11 +137,11 @@ def file_error(path: Path, name: str, found: RecordedEstimate, logs: Sequence[Sm
         )
         if predicted.torques is None:
             return FileError(str(path), None, (), 0, predicted.why_not)
-        sent = yardstick.sent(log, found.delay)
+        sent = own.acting(found.delay)
         left = (sent - own.filtered(predicted.torques))[own.judged]
         squares = squares + found.model.trusted_alone((left**2).sum(axis=0))
         bodies = found.values[: found.model.nbody]
-        whole = whole + yardstick.whole(found.model, bodies, log, sent)[own.judged].sum(axis=0)
+        whole = whole + own.whole(found.model, bodies, sent)[own.judged].sum(axis=0)
         rows += len(left)
     relative = float(np.sqrt(squares.sum() / max(whole.sum(), 1e-300)))
     by_joint = np.sqrt(squares / np.maximum(whole, 1e-300))

@@ -50,9 +50,7 @@ class Smoothed:
     sent: Array
     judged: NDArray[np.bool_]
     cutoff: float
-    _states: dict[tuple[bytes, bytes, tuple[tuple[int, int], ...]], Array] = field(
-        init=False, default_factory=dict, repr=False, compare=False
-    )
+    _kept: dict[object, Array] = field(init=False, default_factory=dict, repr=False, compare=False)
 
     @property
     def period(self) -> float:
@@ -82,14 +80,51 @@ class Smoothed:
             return model.sliding.at(self.speeds)
         sliding = model.sliding
         key = sliding.presliding.tobytes(), sliding.still.tobytes(), sliding.coupled
-        if key not in self._states:
-            self._states[key] = model.sliding.along(self.coordinates, self.speeds)
-        return self._states[key]
+        if key not in self._kept:
+            self._kept[key] = model.sliding.along(self.coordinates, self.speeds)
+        return self._kept[key]
 
     def sliding(self, model: LinearModel, times: Array) -> Array:
         """The state of dry friction at some times (...), in s (... x nmotor)."""
         states = self.states(model)
         return np.stack([np.interp(times, self.times, state) for state in states.T], axis=-1)
+
+    @property
+    def middle(self) -> float:
+        """When half of the judged rows have passed, in s."""
+        times = self.times[self.judged] if self.judged.any() else self.times
+        return float(times[len(times) // 2])
+
+    def acting(self, delay: float) -> Array:
+        """The torques that acted (nrow x njoint), in N m or N, `delay` in s later than logged, through the filter."""
+        if not delay:
+            return self.torques
+        return np.stack([np.interp(self.times - delay, self.times, column) for column in self.torques.T], axis=1)
+
+    def predicted(self, model: LinearModel, values: Array, zeros: Array) -> Array:
+        """The torques (... x nrow x njoint) by unknowns (nparam), where the encoders have these zeros (... x njoint),
+        through the filter.
+        """
+        rigid, friction = self.rigid(model, values[: model.nbody], zeros), model.friction_at(values)
+        return self.filtered(rigid + friction.torque(self.speeds, self.accelerations, rigid, self.states(model)))
+
+    def rigid(self, model: LinearModel, bodies: Array, zeros: Array) -> Array:
+        """The torque (... x nrow x njoint), in N m or N, of bodies (nbody) alone, where the encoders have these zeros
+        (... x njoint).
+        """
+        if zeros.any():
+            return model.rigid(bodies, self.coordinates + zeros[..., None, :], self.speeds, self.accelerations)
+        return np.asarray(self._columns(model) @ bodies)
+
+    def whole(self, model: LinearModel, bodies: Array, torques: Array) -> Array:
+        """What errors of `torques` that acted are shares of, squared (nrow x njoint), by bodies (nbody)."""
+        return model.whole(torques, bodies, lambda: self._columns(model))
+
+    def _columns(self, model: LinearModel) -> Array:
+        """The torque for a unit of each unknown of the bodies (nrow x njoint x nbody), without zeros."""
+        if model.bodies not in self._kept:
+            self._kept[model.bodies] = model.bodies(self.coordinates, self.speeds, self.accelerations)
+        return self._kept[model.bodies]
 
 
 def low_pass(rows: Array, cutoff: float, period: float) -> Array:
