@@ -17,7 +17,6 @@ from metaid.models.tree import COLUMNS
 from metaid.recorded.comparing import Missed, Search
 from metaid.recorded.friction_terms import with_friction
 from metaid.recorded.held_out import Yardstick
-from metaid.recorded.reading.readings import Record
 from metaid.recorded.weak_form.equations import Equations, first_equations
 from metaid.recorded.weak_form.folds import folds_of
 from metaid.recorded.weak_form.linear_model import LinearModel
@@ -67,18 +66,11 @@ class Chosen:
     delay_at_bound: bool
 
 
-def choose(
-    records: Sequence[Record],
-    logs: Sequence[Smoothed],
-    model: LinearModel,
-    choices: Choices,
-    scale: float = 1.0,
-) -> Chosen:
+def choose(logs: Sequence[Smoothed], model: LinearModel, choices: Choices, scale: float = 1.0) -> Chosen:
     """The windows, terms, zeros and delay that predict best what is left out.
 
     Args:
-        records: the logs.
-        logs: the same on their grids.
+        logs: on their grids.
         model: what is unknown, with any terms of friction.
         choices: of the user.
         scale: of the nominal bodies.
@@ -89,7 +81,7 @@ def choose(
     asked = choices.friction
     terms = BASE if asked is None else tuple(term for term in COLUMNS if term in asked)
     spans = WINDOWS if choices.span is None else ((choices.span, _usual_power(choices.span)),)
-    search = Search(records, logs, model.with_friction(terms), spans)
+    search = Search(logs, model.with_friction(terms), spans)
     present = replace(search.first, zeros=bool(choices.zeros), delay=choices.delay or 0.0, scale=scale)
     present, missed = _best_windows(search, present)
     if choices.delay is None:
@@ -163,21 +155,18 @@ def likely_delay(present: Equations) -> tuple[float, bool]:
     return float(found.x), False
 
 
-def with_cutoff(
-    records: Sequence[Record], logs: Sequence[Smoothed], model: LinearModel, zeros: bool, scale: float
-) -> tuple[Smoothed, ...]:
+def with_cutoff(logs: Sequence[Smoothed], model: LinearModel, zeros: bool, scale: float) -> tuple[Smoothed, ...]:
     """The logs with the highest cut-off of the torques' filter at which what is left out is predicted nearly as well as
     with any: above it there is noise of the angles, differentiated twice, and no motion that a model could explain.
 
     Args:
-        records: the logs.
-        logs: the same on their grids.
+        logs: on their grids.
         model: what is unknown.
         zeros: whether those of the encoders are unknown.
         scale: of all torques.
     """
     windows = [each for each in sorted(WINDOWS, reverse=True) if each[0] <= USUAL]
-    equations = first_equations(records, logs, model.with_friction(BASE), windows)
+    equations = first_equations(logs, model.with_friction(BASE), windows)
     if equations is None:
         return tuple(logs)
     folds = folds_of(logs, equations.middles)

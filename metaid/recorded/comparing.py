@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from metaid.errors import RecordError
 from metaid.models import Array
 from metaid.recorded.held_out import HeldOut, Yardstick
-from metaid.recorded.reading.readings import Record
 from metaid.recorded.weak_form.equations import Equations, equations_of
 from metaid.recorded.weak_form.folds import folds_of
 from metaid.recorded.weak_form.linear_model import LinearModel
@@ -57,31 +56,17 @@ class Missed(NamedTuple):
 class Search:
     """Equations by windows, and what each choice leaves."""
 
-    def __init__(
-        self,
-        records: Sequence[Record],
-        logs: Sequence[Smoothed],
-        model: LinearModel,
-        spans: Sequence[tuple[float, int]],
-    ) -> None:
-        """Nothing is chosen yet.
-
-        Args:
-            records: the logs.
-            logs: the same on their grids.
-            model: what is unknown.
-            spans: windows that may be chosen: their length in s, and the degree of their polynomials.
-
-        Raises:
-            RecordError: the logs are too short for any of them.
+    def __init__(self, logs: Sequence[Smoothed], model: LinearModel, spans: Sequence[tuple[float, int]]) -> None:
+        """Nothing is chosen yet of what is unknown; windows may be, by their length in s and the degree of their
+        polynomials.  Raises RecordError where the logs are too short for any of them.
         """
         self._by_windows = {}
         for span, power in spans:
-            equations = equations_of(records, logs, model, span, power)
+            equations = equations_of(logs, model, span, power)
             if equations is not None:
                 self._by_windows[span, power] = equations
         if not self._by_windows:
-            names = ", ".join(record.name for record in records)
+            names = ", ".join(own.record.name for own in logs)
             raise RecordError(
                 f"{names}: too short for {len(model.names)} unknowns, or read too rarely "
                 f"(allowed: more motion, or fewer terms of friction)"

@@ -129,14 +129,14 @@ def estimate_records(
     """
     choices = choices or Choices()
     logs: tuple[Smoothed, ...] = tuple(smoothed(record) for record in records)
-    if not all(own.judged.any() for own in logs):
-        still = next(record for record, own in zip(records, logs, strict=True) if not own.judged.any())
-        raise RecordError(f"{still.name}: too short, or no joint moves (allowed: some seconds of motion)")
-    model = _with_idle(model.with_still(usual_still(logs)), records, logs)
-    first = first_equations(records, logs, model.with_friction(BASE), MIDDLE)
+    still = [own.record.name for own in logs if not own.judged.any()]
+    if still:
+        raise RecordError(f"{still[0]}: too short, or no joint moves (allowed: some seconds of motion)")
+    model = _with_idle(model.with_still(usual_still(logs)), logs)
+    first = first_equations(logs, model.with_friction(BASE), MIDDLE)
     scale = 1.0 if first is None or gains else torque_scale(first)
-    logs = with_cutoff(records, logs, model, model.is_pendulum and choices.zeros is not False, scale)
-    chosen = choose(records, logs, model, choices, scale)
+    logs = with_cutoff(logs, model, model.is_pendulum and choices.zeros is not False, scale)
+    chosen = choose(logs, model, choices, scale)
     equations = chosen.equations
     starts = MANY_STARTS if model.is_pendulum else FEW_STARTS
     possible, solutions = _possible(chosen, equations)
@@ -146,7 +146,7 @@ def estimate_records(
     covariance = _widened(_projected(equations, possible), repeated)
     if gains is not None:
         covariance = covariance + _of_gains(equations, gains.relative)
-    systematic, lacking = _systematic(equations, records, logs, possible.values, gains is None)
+    systematic, lacking = _systematic(equations, logs, possible.values, gains is None)
     factors = scales_of(equations)
     return RecordedEstimate(
         names=tuple(record.name for record in records),
@@ -173,11 +173,11 @@ def estimate_records(
     )
 
 
-def _with_idle(model: LinearModel, records: Sequence[Record], logs: Sequence[Smoothed]) -> LinearModel:
+def _with_idle(model: LinearModel, logs: Sequence[Smoothed]) -> LinearModel:
     """The same with joints that have no torque in any log, where others have: one that moves has no motor, and of one
     that is held nothing is known.
     """
-    idle = ~np.any([record.torques.any(axis=0) for record in records], axis=0)
+    idle = ~np.any([own.record.torques.any(axis=0) for own in logs], axis=0)
     idle &= ~(model.untrusted | idle.all())
     held = model.held(np.max([np.ptp(own.coordinates, axis=0) for own in logs], axis=0))
     return replace(model, untrusted=model.untrusted | (idle & held), passive=idle & ~held)
@@ -188,8 +188,7 @@ def equations_like(found: RecordedEstimate, record: Record) -> Equations:
     RecordError where it is too short.
     """
     chosen = found.equations
-    own = smoothed(record)
-    equations = equations_of([record], [own], chosen.model, chosen.span, chosen.parts[0].windows.degree)
+    equations = equations_of([smoothed(record)], chosen.model, chosen.span, chosen.parts[0].windows.degree)
     if equations is None:
         raise RecordError(f"{record.name}: too short, or no joint moves (allowed: some seconds of motion)")
     return replace(equations, zeros=chosen.zeros, delay=chosen.delay, scale=chosen.scale)
@@ -281,19 +280,14 @@ def _of_gains(equations: Equations, relative: Array) -> Array:
 
 
 def _systematic(
-    equations: Equations,
-    records: Sequence[Record],
-    logs: Sequence[Smoothed],
-    values: Array,
-    scales: bool,
+    equations: Equations, logs: Sequence[Smoothed], values: Array, scales: bool
 ) -> tuple[Array, tuple[str, ...]]:
     """Standard deviations of what the model may lack would change of the unknowns (nparam), and what the logs show of
     it.  Eq. 71.
 
     Args:
         equations: of all windows.
-        records: the logs.
-        logs: the same on their grids.
+        logs: on their grids.
         values: the unknowns (nparam).
         scales: whether the torques of joints may have scales of their own.
     """
@@ -312,7 +306,7 @@ def _systematic(
         lacking.append(f"a delay of {1e3 * late:.2g} ms")
     for span, power in ((0.1, 5), (0.2, 6), (0.3, 8), (0.5, 10)):
         if span > equations.span:
-            other = equations_of(records, logs, equations.model, span, power)
+            other = equations_of(logs, equations.model, span, power)
             if other is not None:
                 other = replace(other, zeros=equations.zeros, delay=equations.delay, scale=equations.scale)
                 changes.append(other.solved[0].values - free)

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from metaid.errors import RecordError
 from metaid.models import COARSEST, DEVIATIONS, Array
 from metaid.models.tree import Tree, torque_regressor
-from metaid.recorded.reading.readings import Record
 from metaid.recorded.weak_form.equations import Equations, Part, first_equations
 from metaid.recorded.weak_form.folds import THIRDS
 from metaid.recorded.weak_form.linear_model import LinearModel
@@ -95,30 +94,25 @@ class Gains:
 
 
 def drive_gains(
-    unloaded: Sequence[Record],
-    loaded: Sequence[tuple[Record, Payload]],
-    logs: Sequence[Smoothed],
-    model: LinearModel,
-    tree: Tree,
+    unloaded: Sequence[Smoothed], loaded: Sequence[tuple[Smoothed, Payload]], model: LinearModel, tree: Tree
 ) -> Gains:
     """The gains of the drives.  Eq. 74.
 
     Args:
-        unloaded: the logs without a payload.
+        unloaded: the logs without a payload, on their grids.
         loaded: those with one.
-        logs: all of them on their grids, in that order.
         model: what is unknown of the robot.
         tree: the nominal robot, for where its joints are.
 
     Raises:
         RecordError: the logs are too short, or the payload tells no gain.
     """
-    records = [*unloaded, *(record for record, _ in loaded)]
+    logs = [*unloaded, *(own for own, _ in loaded)]
     model = model.with_friction(FRICTION)
-    equations = first_equations(records, logs, model, WINDOWS)
+    equations = first_equations(logs, model, WINDOWS)
     if equations is None:
         raise RecordError(
-            f"{records[-1].name}: too short for the gains of {model.njoint} joints (allowed: more motion)"
+            f"{logs[-1].record.name}: too short for the gains of {model.njoint} joints (allowed: more motion)"
         )
     payloads = [None] * len(unloaded) + [payload for _, payload in loaded]
     shapes = list(dict.fromkeys((each.mass, each.at) for each in payloads if each is not None))

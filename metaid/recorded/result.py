@@ -216,7 +216,7 @@ def estimate(
         if gains is not None:
             records, others = (tuple(_multiplied(each, gains) for each in every) for every in (records, others))
         found = estimate_records(records, model, choices, gains)
-        facts = facts_of(records, found, measured)
+        facts = facts_of(found, measured)
         verdict = judge_records(records, found, [fact.text for fact in facts])
         validation = tuple(
             (own, other.name, _validated(found, own)) for other in others if (own := _smoothed(found, other))
@@ -293,8 +293,9 @@ def _is_same(log: Log, other: Log) -> bool:
 def _gains(unloaded: Sequence[Record], loaded: Sequence[tuple[Record, Payload]], model: LinearModel) -> Gains:
     if model.prior is None:
         raise RecordError("payload: the robot is a planar chain of a plant file (allowed: an MJCF or URDF)")
-    logs = [smoothed(record) for record in (*unloaded, *(record for record, _ in loaded))]
-    return drive_gains(unloaded, loaded, logs, model.with_still(usual_still(logs)), model.prior.nominal)
+    free, carrying = [smoothed(each) for each in unloaded], [(smoothed(each), payload) for each, payload in loaded]
+    still = usual_still([*free, *(own for own, _ in carrying)])
+    return drive_gains(free, carrying, model.with_still(still), model.prior.nominal)
 
 
 def _multiplied(record: Record, gains: Gains) -> Record:

@@ -54,7 +54,7 @@ def gains_of(payload: Payload, arm: Tree | None = None) -> Gains:
     """What logs of an arm say whose friction is another with the payload."""
     arm = arm or swinging_arm()
     free, load = record_of(arm), record_of(loaded(arm), rubs=1.3)
-    return drive_gains([free], [(load, payload)], [smoothed(free), smoothed(load)], arm_model(wrong_tree(arm, 0)), arm)
+    return drive_gains([smoothed(free)], [(smoothed(load), payload)], arm_model(wrong_tree(arm, 0)), arm)
 
 
 def table(record: Record) -> pd.DataFrame:
@@ -91,10 +91,9 @@ def test_joint_that_no_weight_loads_is_not_told() -> None:
 def test_payload_that_hardly_weighs_anything_is_refused() -> None:
     """The joint that it tells best is named."""
     arm = swinging_arm()
-    free, load = record_of(arm), record_of(loaded(arm, 1e-3))
-    logs = [smoothed(free), smoothed(load)]
+    free, load = smoothed(record_of(arm)), smoothed(record_of(loaded(arm, 1e-3)))
     with pytest.raises(RecordError, match=r"payload: no gain is told to 10%, that of joint \S+ best"):
-        drive_gains([free], [(load, Payload("load", 1e-3))], logs, arm_model(arm), arm)
+        drive_gains([free], [(load, Payload("load", 1e-3))], arm_model(arm), arm)
 
 
 @pytest.fixture(scope="module")

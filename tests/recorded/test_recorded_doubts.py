@@ -164,7 +164,7 @@ def test_zero_that_is_off_by_a_quarter_turn_is_named_with_its_sign(shift: float,
         for first, last in pairwise((0, 700, 1400, 2001))
     ]
     found = estimate_records(runs, arm_model(wrong_tree(arm, 0)))
-    facts = facts_of(runs, found)
+    facts = facts_of(found)
     assert [fact.option for fact in facts] == [f"--zero shoulder={shift:.4f}"]
     said = [reason for reason in judge_records(runs, found).reasons if "farther than chance puts it" in reason]
     assert len(said) == (dry < 1.0)
@@ -177,7 +177,7 @@ def test_joints_that_a_log_has_in_another_order_are_named(names: tuple[str, ...]
     order = sorted(names) if sorted(names) != list(names) else names[::-1]
     record = log_of(arm, extra=lambda speeds: 0.5 * speeds)
     read = record.in_order([names.index(joint) for joint in order])
-    facts = facts_of([read], estimate_records([read], arm_model(wrong_tree(arm, 0)), VISCOUS))
+    facts = facts_of(estimate_records([read], arm_model(wrong_tree(arm, 0)), VISCOUS))
     assert [fact.option for fact in facts] == [f"--order {','.join(order)}"]
 
 

@@ -75,7 +75,7 @@ def test_joint_that_is_held_spoils_no_other(shown: float) -> None:
     record = Record("held.csv", times, moving[0], None, torques)
     found = estimated(record)
     assert found.held_out.by_joint[1:].max() < 0.006
-    verdict = judge_records([record], found, [fact.text for fact in facts_of([record], found)])
+    verdict = judge_records([record], found, [fact.text for fact in facts_of(found)])
     assert verdict.word == "approximate"
     held = f"{found.model.joints[0]} is held, and its torque counts little: stiction bears what a motor does not show"
     assert held in verdict.reasons
@@ -97,7 +97,7 @@ def test_gravity_that_points_the_other_way_is_named_though_all_is_predicted(way:
     torques += 0.5 * speeds + 0.3 * np.tanh(100.0 * speeds)
     record = Record("slow.csv", slower * times, coordinates, None, torques)
     found = estimated(record)
-    said = [fact.text for fact in facts_of([record], found)]
+    said = [fact.text for fact in facts_of(found)]
     assert found.held_out.relative < 0.03
     assert bool(said) == (way < 0.0)
     assert all(said[0].startswith("the nominal bodies need the opposite of what every joint carries") for _ in said)
@@ -232,7 +232,7 @@ def test_joint_whose_nominal_bodies_are_far_too_light_is_told_from_another_unit(
     named = []
     for each, nominal in ((record, arm.with_parameters(lighter)), (amperes, arm)):
         found = estimate_records([each], arm_model(nominal), asked)
-        named.append([(fact.option, "as other joints confirm" in fact.text) for fact in facts_of([each], found)])
+        named.append([(fact.option, "as other joints confirm" in fact.text) for fact in facts_of(found)])
     assert named == [[("", True)], [("--scale wrist_bend=0.1", False)]]
 
 
@@ -284,7 +284,7 @@ def test_fact_that_is_wrong_is_named_with_what_mends_it(spoil: Callable[[Record]
     """Of the second joint, first of all that is named."""
     record = spoil(arm_log(lambda speeds: DRY * np.sign(speeds)))
     found = estimated(record)
-    facts = facts_of([record], found)
+    facts = facts_of(found)
     assert facts[0].option == option.format(found.model.joints[1])
 
 
@@ -296,7 +296,7 @@ def test_torque_that_falls_with_speed_as_no_friction_does_is_named(cancelled: tu
     records = runs(lambda speeds: DRY * np.sign(speeds) - np.array(cancelled) * speeds)
     found = estimated(*records)
     joints = found.model.joints
-    said = [fact.option for fact in facts_of(records, found)]
+    said = [fact.option for fact in facts_of(found)]
     assert said == ([f"--untrusted {joints[1]},{joints[2]}"] if named else [])
 
 
@@ -306,7 +306,7 @@ def test_log_that_contradicts_the_others_is_named_first(lost: float) -> None:
     records = runs()
     slipped = lost * (records[1].times > 1.0)[:, None] * np.array([0.0, 1.0, 0.0])
     records[1] = replace(records[1], angles=records[1].angles + slipped)
-    facts = facts_of(records, estimated(*records))
+    facts = facts_of(estimated(*records))
     assert [fact.text.partition(" contradicts the other logs")[0] for fact in facts] == (["run1"] if lost else [])
 
 
@@ -340,7 +340,7 @@ def test_what_a_rough_model_lacks_is_no_fact_that_is_wrong(machine: Callable[[Tr
     model = arm_model(nominal)
     found = estimate_records([record], model, Choices(friction=("viscous",), zeros=False, delay=0.0))
     assert found.scale == 1.0
-    assert not facts_of([record], found)
+    assert not facts_of(found)
 
 
 def test_gravity_that_points_elsewhere_is_named_and_no_unit_in_its_place() -> None:
@@ -348,7 +348,7 @@ def test_gravity_that_points_elsewhere_is_named_and_no_unit_in_its_place() -> No
     record, tree = arm_log(), wrong_tree(swinging_arm(), 0)
     leaning = arm_model(replace(tree, gravity=np.array([0.0, -9.81, 0.0])))
     found = estimate_records([record], leaning, Choices(friction=("viscous", "coulomb"), zeros=False, delay=0.0))
-    assert [fact.option for fact in facts_of([record], found)] == ["--gravity 0,0,-9.81"]
+    assert [fact.option for fact in facts_of(found)] == ["--gravity 0,0,-9.81"]
 
 
 def test_motor_that_turns_with_two_joints_is_named(rubbed: tuple[Record, RecordedEstimate]) -> None:
@@ -357,6 +357,6 @@ def test_motor_that_turns_with_two_joints_is_named(rubbed: tuple[Record, Recorde
     def coupled(speeds: Array) -> Array:
         return 4.0 * np.sign(speeds[:, 1:2] + speeds[:, 2:3]) * np.array([0.0, 1.0, 1.0])
 
-    record, (plain, found) = arm_log(coupled), rubbed
-    assert [fact.option for fact in facts_of([record], estimated(record))][:1] == ["--couple 2,3"]
-    assert facts_of([plain], found) == ()
+    record, (_, found) = arm_log(coupled), rubbed
+    assert [fact.option for fact in facts_of(estimated(record))][:1] == ["--couple 2,3"]
+    assert facts_of(found) == ()

@@ -33,10 +33,8 @@ from metaid.recorded.doubts.falling import falling_torques, named_as_falling
 from metaid.recorded.doubts.odd_logs import odd_log
 from metaid.recorded.doubts.units import units_of
 from metaid.recorded.estimating import RecordedEstimate
-from metaid.recorded.reading.readings import Record
 from metaid.recorded.weak_form.equations import Equations, first_equations
 from metaid.recorded.weak_form.normal import FAR_ZERO
-from metaid.recorded.weak_form.smoothed import Smoothed
 
 WINDOWS = ((0.2, 6), (0.3, 8), (0.1, 5), (0.5, 10))  # length in s and degree, the first that fit
 MOST = 80  # windows of a check, of all logs
@@ -49,12 +47,11 @@ FIRST, TRIED = 12, 16  # facts of which others are tried beside, and pairs that 
 DRIVEN = 0.1  # of the terms that cancel in a joint without a motor, that it has beside them
 
 
-def facts_of(records: Sequence[Record], found: RecordedEstimate, measured: Absolute | None = None) -> tuple[Fact, ...]:
+def facts_of(found: RecordedEstimate, measured: Absolute | None = None) -> tuple[Fact, ...]:
     """What looks wrong in logs, the most telling first; of one joint one thing.
 
     Args:
-        records: the logs, with what joints have of them.
-        found: what they say.
+        found: what logs say, with what joints have of them.
         measured: how they measure the robot; by default its joints.
     """
     odd = odd_log(found) if found.held_out.relative > WRONG else None
@@ -62,7 +59,7 @@ def facts_of(records: Sequence[Record], found: RecordedEstimate, measured: Absol
         return (odd,)
     dead = found.model.passive & ~found.equations.held & (found.held_out.by_joint > DRIVEN)
     driven = tuple(_driven(name) for name in np.array(found.model.joints)[dead].tolist())
-    equations = _thinned(records, found.logs, found)
+    equations = _thinned(found)
     named = driven if equations is None else (*_named(equations, found, measured), *driven)
     contact = None if named else brief_contact(found)
     return named if contact is None else (contact,)
@@ -174,14 +171,14 @@ def _both(every: Sequence[Suspected], usual: Array, below: float) -> Fact | None
     return min((fact for fact in tried if fact.left < below), key=lambda fact: fact.left, default=None)
 
 
-def _thinned(records: Sequence[Record], logs: Sequence[Smoothed], found: RecordedEstimate) -> Equations | None:
+def _thinned(found: RecordedEstimate) -> Equations | None:
     """Equations of few windows with the plainest friction; None where there are too few. Nothing is held against the
     torque of a joint that is held.
     """
     model = found.model.with_friction(("viscous", "coulomb", "offset"))
     # What is wrong moves the zeros that are fitted beside it, too.
     zeros = found.zeros if np.abs(found.zeros).max(initial=0.0) < FAR_ZERO else np.zeros_like(found.zeros)
-    every = first_equations(records, logs, model, WINDOWS)
+    every = first_equations(found.logs, model, WINDOWS)
     if every is None:
         return None
     stride = max(1, every.nwindow // MOST)

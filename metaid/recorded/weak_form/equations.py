@@ -338,39 +338,31 @@ class Equations:
         return few * eliminated_covariance(inverse, scores, self.lags) + inverse @ solution.prior @ inverse
 
 
-def equations_of(
-    records: Sequence[Record], smoothed: Sequence[Smoothed], model: LinearModel, span: float, power: int
-) -> Equations | None:
+def equations_of(logs: Sequence[Smoothed], model: LinearModel, span: float, power: int) -> Equations | None:
     """The equations of windows of one length; None where a log has no such windows in which it moves, or there are too
     few of all.
 
     Args:
-        records: the logs.
-        smoothed: the same on their grids.
+        logs: on their grids.
         model: what is unknown.
         span: length of the windows, in s.
         power: degree of the polynomials.
     """
     parts = []
-    for log, (record, own) in enumerate(zip(records, smoothed, strict=True)):
-        windows = cut_windows(record, span, power)
+    for log, own in enumerate(logs):
+        windows = cut_windows(own.record, span, power)
         if windows is None or len(windows) < THIRDS:
             return None
-        parts.append(Part(log, record, windows, own))
+        parts.append(Part(log, own.record, windows, own))
     equations = Equations(tuple(parts), model, False, nlog=len(parts))
     return equations if equations.is_enough else None
 
 
 def first_equations(
-    records: Sequence[Record], smoothed: Sequence[Smoothed], model: LinearModel, windows: Iterable[tuple[float, int]]
+    logs: Sequence[Smoothed], model: LinearModel, windows: Iterable[tuple[float, int]]
 ) -> Equations | None:
-    """The equations of the first windows that all logs have enough of; None where there are none.
-
-    Args:
-        records: the logs.
-        smoothed: the same on their grids.
-        model: what is unknown.
-        windows: that are tried: their length in s, and the degree of their polynomials.
+    """The equations of the first windows, by their length in s and the degree of their polynomials, that all logs have
+    enough of; None where there are none.
     """
-    tried = (equations_of(records, smoothed, model, span, power) for span, power in windows)
+    tried = (equations_of(logs, model, span, power) for span, power in windows)
     return next((equations for equations in tried if equations is not None), None)

@@ -34,6 +34,7 @@ class Smoothed:
     """A log on a regular grid.
 
     Attributes:
+        record: the log as it was read.
         times: of the rows (nrow), in s.
         coordinates: through the filter (nrow x njoint), in rad or m.
         speeds: (nrow x njoint), in rad/s or m/s.
@@ -43,6 +44,7 @@ class Smoothed:
         cutoff: of the torques' filter, in Hz.
     """
 
+    record: Record
     times: Array
     coordinates: Array
     speeds: Array
@@ -191,6 +193,7 @@ def smoothed(record: Record) -> Smoothed:
     sent = np.diff(total, axis=0) / period
     sent[0], sent[-1] = record.torques[0], record.torques[-1]
     return Smoothed(
+        record,
         times,
         coordinates,
         speeds,
