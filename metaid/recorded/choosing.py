@@ -174,7 +174,7 @@ def with_cutoff(logs: Sequence[Smoothed], model: LinearModel, zeros: bool, scale
     errors = {}
     for cutoff in CUTOFFS:
         filtered = tuple(replace(own, cutoff=cutoff) for own in logs)
-        errors[cutoff] = Yardstick(filtered, folds).held_out(equations).relative
+        errors[cutoff] = Yardstick(filtered, folds).judged(equations, equations.without_each).relative
     best = min(errors.values())
     highest = next(cutoff for cutoff, error in errors.items() if error <= NEARLY * best)
     return tuple(replace(own, cutoff=highest) for own in logs)

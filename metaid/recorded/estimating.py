@@ -23,7 +23,7 @@ from metaid.recorded.doubts.scales import scales_of, torque_scale
 from metaid.recorded.doubts.suspects import examined, suspects
 from metaid.recorded.friction_terms import usual_still
 from metaid.recorded.gains import Gains
-from metaid.recorded.held_out import HeldOut, Yardstick
+from metaid.recorded.held_out import HeldOut
 from metaid.recorded.reading.readings import Record
 from metaid.recorded.weak_form.equations import Equations, Solution, equations_of, first_equations
 from metaid.recorded.weak_form.linear_model import LinearModel
@@ -137,11 +137,11 @@ def estimate_records(
     scale = 1.0 if first is None or gains else torque_scale(first)
     logs = with_cutoff(logs, model, model.is_pendulum and choices.zeros is not False, scale)
     chosen = choose(logs, model, choices, scale)
-    equations = chosen.equations
+    equations, yardstick = chosen.equations, chosen.yardstick
     starts = MANY_STARTS if model.is_pendulum else FEW_STARTS
-    possible, solutions = _possible(chosen, equations)
+    possible, solutions = _possible(equations, logs)
     plain = equations.with_model(equations.model.with_friction(BASE).with_still(usual_still(logs)))
-    simulator, simulator_solutions = _possible(chosen, plain)
+    simulator, simulator_solutions = _possible(plain, logs)
     repeated = np.array([each.values for each in solutions])
     covariance = _widened(_projected(equations, possible), repeated)
     if gains is not None:
@@ -162,9 +162,9 @@ def estimate_records(
         scale=scale,
         carried=np.where(equations.held, np.nan, factors.by_weight / scale),
         accelerated=np.where(equations.held, np.nan, factors.by_motion / scale),
-        held_out=chosen.yardstick.judged(equations, solutions, True, starts),
-        simulator_held_out=chosen.yardstick.judged(plain, simulator_solutions),
-        nominal_held_out=_nominal(equations, chosen.yardstick, starts),
+        held_out=yardstick.judged(equations, solutions, True, starts),
+        simulator_held_out=yardstick.judged(plain, simulator_solutions),
+        nominal_held_out=yardstick.judged(equations, _nominal(equations), True, starts),
         misfit=_misfit(equations, possible.values),
         lacking=lacking,
         logs=logs,
@@ -208,15 +208,14 @@ def _zeros(equations: Equations, values: Array) -> Array:
     return zeros
 
 
-def _possible(chosen: Chosen, equations: Equations) -> tuple[PossibleModel, list[Solution]]:
+def _possible(equations: Equations, logs: Sequence[Smoothed]) -> tuple[PossibleModel, list[Solution]]:
     """The model that can be and that some equations tell, and what they tell of it without each fold (nfold)."""
-    bodies, free = Possible(equations.model, equations.scale, fastest(chosen.yardstick.logs)), equations.solved[0]
-    apart = [equations.apart_from(fold).solved[0] for fold in chosen.yardstick.folds]
-    return bodies.closest(free.values, free.precision), [bodies.refined(each) for each in apart]
+    bodies, free = Possible(equations.model, equations.scale, fastest(logs)), equations.solved[0]
+    return bodies.closest(free.values, free.precision), [bodies.refined(each) for each in equations.apart]
 
 
-def _nominal(equations: Equations, yardstick: Yardstick, starts: int) -> HeldOut:
-    """How well the nominal bodies predict what was left out, with friction fitted to the rest."""
+def _nominal(equations: Equations) -> list[Solution]:
+    """What predicts each fold (nfold) by the nominal bodies, with friction fitted to the rest."""
     model, scale = equations.model, equations.scale
     nbody = model.nbody
     solution, _, _ = equations.solved
@@ -232,8 +231,7 @@ def _nominal(equations: Equations, yardstick: Yardstick, starts: int) -> HeldOut
         moved = scales * np.linalg.solve(precision * np.outer(scales, scales), scales * shift)
         return replace(solution, values=solution.values + moved)
 
-    folds = [fixed(equations.apart_from(fold).solved[0]) for fold in yardstick.folds]
-    return yardstick.judged(equations, folds, True, starts)
+    return [fixed(each) for each in equations.apart]
 
 
 def _projected(equations: Equations, possible: PossibleModel) -> Array:

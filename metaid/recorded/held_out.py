@@ -197,16 +197,6 @@ class Yardstick:
             zeros = zeros + np.linalg.solve(gram, rows.T @ (left / spread).ravel() / correlated - zeros / ZERO**2)
         return zeros
 
-    def solutions(self, equations: Equations) -> list[Solution]:
-        """What predicts each fold from the others, whose joints are weighed as those of all are: quick, while something
-        is chosen.
-        """
-        return [equations.without(number) for number in range(len(self.folds))]
-
-    def held_out(self, equations: Equations) -> HeldOut:
-        """How well the torques of each fold are predicted by these."""
-        return self.judged(equations, self.solutions(equations))
-
     def judged(
         self, equations: Equations, solutions: Sequence[Solution], with_motion: bool = False, most: int = MOST_STARTS
     ) -> HeldOut:

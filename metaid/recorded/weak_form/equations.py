@@ -264,7 +264,19 @@ class Equations:
         values, changes, precision = eliminated(fewer, self._prior_mean, prior, solution.zeros, self.zeros)
         return replace(solution, values=values, precision=precision, zeros=solution.zeros + changes)
 
-    def apart_from(self, fold: Fold) -> Equations:
+    @property
+    def without_each(self) -> list[Solution]:
+        """The solutions without each fold (nfold), by the columns and weights of all: quick, while something is
+        chosen.
+        """
+        return [self.without(number) for number in range(len(self.folds))]
+
+    @cached_property
+    def apart(self) -> list[Solution]:
+        """The same by columns and weights of their own."""
+        return [self._apart_from(fold).solved[0] for fold in self.folds]
+
+    def _apart_from(self, fold: Fold) -> Equations:
         """The equations of the windows that share no time with a fold."""
         parts = []
         for part in self.parts:
