@@ -16,7 +16,7 @@ import numpy as np
 from numba import types
 
 from benchmarks.common import NO_LIMIT, PLANTS, Row, interleaved, make_spec, run_alone
-from metaid.compiled import CompiledLoop, DirectStep, MujocoStep, compiled, fastest_step, mujoco_step, quiet_mujoco
+from metaid.compiled import CompiledLoop, Step, compiled, fastest_step, mujoco_step, quiet_mujoco
 from metaid.compiled.loop import start_states
 from metaid.compiled.spatial import ArmLoop
 from metaid.episode import Episode, FallRule, arm_episode, run_stepwise, window_ends
@@ -35,7 +35,7 @@ mj_step: Any = types.ExternalFunction("mj_step", types.void(types.uintp, types.u
 
 
 @compiled
-def bare(chain: MujocoStep, start: Array, steps: int) -> None:
+def bare(chain: Step, start: Array, steps: int) -> None:
     """`mj_step` and nothing else, after the same pushes, joint coordinates and speeds `start` (npush x 2 x njoint): the
     chain falls.
     """
@@ -61,7 +61,7 @@ def _row(nlink: int, quick: bool) -> Row:
     plant, nominal, episode = problem.make_plant(), problem.nominal.lumps, problem.episode
     whole = mujoco_step(plant.model, plant.data)
     fastest = fastest_step(plant)
-    assert isinstance(fastest, DirectStep), "MuJoCo's stages are not mj_step here: nothing to compare"
+    assert fastest.is_direct, "MuJoCo's stages are not mj_step here: nothing to compare"
     steps: dict[str, Any] = {"mj_step": whole, "direct": fastest}
     engines = {name: CompiledLoop(plant, episode, step) for name, step in steps.items()}
     start = start_states(plant, episode.starts)

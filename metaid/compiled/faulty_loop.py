@@ -10,11 +10,10 @@ import numpy as np
 
 from metaid.compiled.batch import laws_of, new_windows
 from metaid.compiled.decorator import compiled
-from metaid.compiled.kernel import Step, advance, look
 from metaid.compiled.law import LINK, compensate, has_fallen, turn_to_angles
 from metaid.compiled.loop import start_states
 from metaid.compiled.quiet import quiet_mujoco
-from metaid.compiled.stages import forget
+from metaid.compiled.stages import Step, forget, step_plant
 from metaid.episode import (
     Episode,
     GoesOn,
@@ -59,7 +58,7 @@ def _run(chain, starts, laws, noise, sensors, drives, settings, work, outputs, w
     `outputs` and the `readings` of angles and of speeds, or what stands for these (npush x nsteps + 1 x njoint each).
 
     `starts`: joint angles and speeds (npush x 2 x njoint) right after each push, true and as calibrated. `laws` are
-    those of one candidate (see `batch.Laws`). `work`: the links as the sensors read them and as they move, three
+    those of one candidate (see `batch.Laws`). `work`: the links as the sensors read them, three
     vectors (njoint), whether the push is a joint's first crossing (njoint), and the commands under way (delay + 1 x
     njoint). Nothing is allocated here.
     """
@@ -68,10 +67,10 @@ def _run(chain, starts, laws, noise, sensors, drives, settings, work, outputs, w
     kept, kept_speeds = readings
     gravity, coriolis, damping, coulomb, inertia, springs = laws
     angle_noise, speed_noise, torque_noise = noise
-    control_every, limits, gains, tilt = drives
+    control_every, limits, gains = drives
     timestep, steps, limit, margin, largest_turn, runaway, ends, deadband, lead = settings
     motion, window_half_periods = windows
-    read, moving, joint_speeds, previous, command, crosses, commands = work
+    read, joint_speeds, previous, command, crosses, commands = work
     npush, n = start.shape[0], start.shape[2]
     slots = commands.shape[0]
     period = timestep * control_every
@@ -82,7 +81,7 @@ def _run(chain, starts, laws, noise, sensors, drives, settings, work, outputs, w
     for push in range(npush):
         stiffness = springs[push]
         law = gravity[0], coriolis[0], damping[0], coulomb[0], inertia[0], stiffness
-        forget(chain)  # type: ignore[no-untyped-call]
+        forget(chain)
         for i in range(n):
             chain.qpos[i], chain.qvel[i] = start[push, 0, i], start[push, 1, i]
             for slot in range(slots):
@@ -131,14 +130,7 @@ def _run(chain, starts, laws, noise, sensors, drives, settings, work, outputs, w
                 delivered = min(max(commands[(step + 1) % slots, i], -limits[i]), limits[i])
                 chain.torque[i] = gains[i] * delivered + torque_noise[push, step, i]
             for _ in range(control_every):
-                angle, speed = tilt, 0.0
-                for i in range(n):
-                    angle += chain.qpos[i]
-                    speed += chain.qvel[i]
-                    moving[i].angle = angle
-                    moving[i].speed = speed
-                look(chain, moving, stiffness)  # type: ignore[no-untyped-call]
-                advance(chain, moving)  # type: ignore[no-untyped-call]
+                step_plant(chain)
             step += 1
             ran += 1
         for i in range(n):
@@ -179,13 +171,12 @@ class FaultyLoop(WholeEpisodes):
         self._expected = start_states(plant, episode.starts)
         offsets, weights = faults.encoder_offsets(njoint), slope_weights(self.plant.timestep)
         self._sensors = faults.speed_sensor, faults.encoder_step, offsets, weights
-        self._drives = faults.control_every, faults.torque_limits(njoint), faults.torque_gains(njoint), plant.tilt
+        self._drives = faults.control_every, faults.torque_limits(njoint), faults.torque_gains(njoint)
         ends = np.array(episode.window_ends, dtype=np.int64)
         rule, readings = episode.fall_rule.clauses, (episode.deadband, episode.lead)
         self._settings = plant.timestep, episode.steps, *rule, ends, *readings
-        links = np.zeros(njoint, LINK), np.zeros(njoint, LINK)
         vectors = np.empty(njoint), np.empty(njoint), np.empty(njoint), np.empty(njoint, np.bool_)
-        self._work = *links, *vectors, np.empty((faults.delay + 1, njoint))
+        self._work = np.zeros(njoint, LINK), *vectors, np.empty((faults.delay + 1, njoint))
 
     def run(self, candidate: Lumps, number: int = 0, goes_on: GoesOn | None = None) -> Record:
         """The episode of the trial of that `number` with the `candidate` lumps; `goes_on` is asked after each push."""

@@ -6,47 +6,11 @@ It does what `run_stepwise` does, at the speed of its step: MuJoCo's own `mj_ste
 from __future__ import annotations
 
 import numpy as np
-from numba.extending import overload
 
 from metaid.compiled.decorator import compiled
 from metaid.compiled.law import compensate, has_fallen
 from metaid.compiled.queue import take
-from metaid.compiled.stages import (
-    DirectStep,
-    MujocoStep,
-    advance_directly,
-    advance_with_mujoco,
-    forget,
-    look_directly,
-    look_with_mujoco,
-)
-from metaid.compiled.undocumented import class_of
-
-Step = MujocoStep | DirectStep
-
-
-def look(chain, links, stiffness):  # type: ignore[no-untyped-def]
-    """Begins a timestep of any `Step`: turns its `links` to their angles, for a law with this `stiffness`."""
-    raise NotImplementedError
-
-
-@overload(look, inline="always")
-def _look_of(chain, links, stiffness):  # type: ignore[no-untyped-def]
-    if class_of(chain) is MujocoStep:
-        return lambda chain, links, stiffness: look_with_mujoco(chain, links, stiffness)
-    return lambda chain, links, stiffness: look_directly(chain, links, stiffness)
-
-
-def advance(chain, links):  # type: ignore[no-untyped-def]
-    """Ends it, with the torque in `chain`. Which `Step` it is, is settled when the loop is compiled."""
-    raise NotImplementedError
-
-
-@overload(advance, inline="always")
-def _advance_of(chain, links):  # type: ignore[no-untyped-def]
-    if class_of(chain) is MujocoStep:
-        return lambda chain, links: advance_with_mujoco(chain)
-    return lambda chain, links: advance_directly(chain)
+from metaid.compiled.stages import advance, forget, look
 
 
 @compiled
@@ -66,7 +30,7 @@ def _run_push(chain, start, law, settings, links, outputs, windows, kept):  # ty
     pushed, angle, speed, ran, fallen = 0.0, 0.0, 0.0, 0, False
     keep = kept.size > 0
     window = 0
-    forget(chain)  # type: ignore[no-untyped-call]
+    forget(chain)
     for i in range(n):
         qpos[i], qvel[i] = start[0, i], start[1, i]
         half_periods[i], span[i] = 0, 0.0
@@ -83,9 +47,9 @@ def _run_push(chain, start, law, settings, links, outputs, windows, kept):  # ty
     while ran < steps and not fallen:
         end = ends[window] if window < ends.shape[0] else steps
         for step in range(ran + 1, end + 1):
-            look(chain, links, stiffness)  # type: ignore[no-untyped-call]
+            look(chain, links, stiffness)
             compensate(law, links, qvel, torque)
-            advance(chain, links)  # type: ignore[no-untyped-call]
+            advance(chain)
             angle, speed = 0.0, 0.0
             for i in range(n):
                 link = links[i]

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from metaid.compiled.batch import Batch, new_batch
-from metaid.compiled.kernel import Step, run_from
+from metaid.compiled.kernel import run_from
 from metaid.compiled.law import LINK
 from metaid.compiled.quiet import quiet_mujoco
-from metaid.compiled.stages import fastest_step
+from metaid.compiled.stages import Step, fastest_step
 from metaid.episode import Episode, GoesOn, Record
 from metaid.models import Array, Lumps
 from metaid.plant import MujocoPlant, Start

@@ -2,7 +2,7 @@
 
 In between, the law of a planar chain reads cosines and sines off the rotation matrices that MuJoCo has just worked out.
 MuJoCo cuts `mj_step` in two for this, `mj_step1` and `mj_step2`. They also look for contacts, tendons, actuators,
-sensors, islands of constraints and bad numbers; the rest of their work is the calls that a `DirectStep` is made of:
+sensors, islands of constraints and bad numbers; the rest of their work is the calls that a direct `Step` is made of:
 seven, and four more where there is dry friction, which is a constraint. These are the same machine code on the same
 numbers, so the result is the same to the last bit. `agrees_with_mj_step` checks this on the very model that is to be
 stepped.
@@ -16,12 +16,11 @@ import llvmlite.binding
 import mujoco
 import numpy as np
 from numba import types
-from numba.extending import overload
 
 from metaid.compiled.decorator import compiled
 from metaid.compiled.law import turn
 from metaid.compiled.quiet import quiet_mujoco
-from metaid.compiled.undocumented import LIBRARY, address_of, class_of
+from metaid.compiled.undocumented import LIBRARY, address_of
 from metaid.models import Array
 from metaid.plant import ArmPlant, MujocoPlant
 
@@ -51,22 +50,11 @@ _mj_referenceConstraint = _stage("mj_referenceConstraint")  # noqa: N816
 _mj_fwdConstraint = _stage("mj_fwdConstraint")  # noqa: N816
 
 
-class MujocoStep(NamedTuple):
-    """What the compiled loop steps with `mj_step1` and `mj_step2`: views of the state, the applied torque (nlink) and
-    the links' rotation matrices (nlink x 9), two addresses.
-    """
+class Step(NamedTuple):
+    """What a compiled loop steps with: MuJoCo's stages one by one where it `is_direct`, else `mj_step1` and `mj_step2`.
 
-    qpos: Array
-    qvel: Array
-    torque: Array
-    rotations: Array
-    model: int
-    data: int
-
-
-class DirectStep(NamedTuple):
-    """The same for MuJoCo's stages called one by one: they also need the vectors that pass between them (nlink), and
-    whether there is dry friction.
+    Views of the state, the applied torque (nlink), the links' rotation matrices (nlink x 9), the vectors that pass
+    between the stages (nlink) and passive damping and stiffness (nlink); addresses; and whether there is dry friction.
     """
 
     qpos: Array
@@ -86,14 +74,15 @@ class DirectStep(NamedTuple):
     acceleration_at: int
     timestep: float
     is_dry: bool
+    is_direct: bool
 
 
-def mujoco_step(model: mujoco.MjModel, data: mujoco.MjData) -> MujocoStep:
+def mujoco_step(model: mujoco.MjModel, data: mujoco.MjData) -> Step:
     """`mj_step1` and `mj_step2` on these two, which must outlive it."""
-    return MujocoStep(data.qpos, data.qvel, data.qfrc_applied, data.xmat[1:], address_of(model), address_of(data))
+    return direct_step(model, data)._replace(is_direct=False)
 
 
-def direct_step(model: mujoco.MjModel, data: mujoco.MjData) -> DirectStep:
+def direct_step(model: mujoco.MjModel, data: mujoco.MjData) -> Step:
     """MuJoCo's stages on these two, which must outlive it."""
     is_dry = bool(model.dof_frictionloss.any())
     vectors = data.qfrc_bias, data.qfrc_smooth, data.qacc, data.qacc_warmstart
@@ -102,54 +91,57 @@ def direct_step(model: mujoco.MjModel, data: mujoco.MjData) -> DirectStep:
     addresses = address_of(model), address_of(data), bias_at, smooth_at, solved_at
     passive = np.ravel(model.dof_damping), np.ravel(model.jnt_stiffness)
     views = data.qpos, data.qvel, data.qfrc_applied, data.xmat[1:]
-    return DirectStep(*views, *vectors, *passive, *addresses, model.opt.timestep, is_dry)
+    return Step(*views, *vectors, *passive, *addresses, model.opt.timestep, is_dry, True)
 
 
 @compiled
-def forget_directly(chain):  # type: ignore[no-untyped-def]
-    """Leaves nothing of the motion before in a `DirectStep`, which begins all afresh but the solver of dry friction."""
-    if chain.is_dry:
+def forget(chain):  # type: ignore[no-untyped-def]
+    """Leaves nothing of the motion before in a `Step`, but for what is in `qpos` and `qvel`.
+
+    MuJoCo's solver of dry friction starts from the last solution, to which it would lead a little nearer than from
+    anywhere else. The stages begin all else afresh.
+    """
+    if chain.is_dry or not chain.is_direct:
         _mj_resetData(chain.model, chain.data)
 
 
 @compiled
-def forget_in_mujoco(chain):  # type: ignore[no-untyped-def]
-    """Leaves nothing of the motion before in a `MujocoStep`: its solver of dry friction starts from the last solution,
-    to which it would lead a little nearer than from anywhere else.
+def look(chain, links, stiffness):  # type: ignore[no-untyped-def]
+    """The first half of a timestep; turns the `links` to where they are, for a law with this `stiffness`.
+
+    Hinges about y: the matrix of a link at the absolute angle φ begins with cos φ, 0, sin φ.
     """
-    _mj_resetData(chain.model, chain.data)
+    _begin(chain)
+    for i in range(chain.rotations.shape[0]):
+        turn(links[i], chain.rotations[i, 0], chain.rotations[i, 2], stiffness)
 
 
 @compiled
-def look_with_mujoco(chain, links, stiffness):  # type: ignore[no-untyped-def]
-    """The first half of a timestep of a `MujocoStep`; turns the `links` to where they are."""
-    _mj_step1(chain.model, chain.data)
-    _turn_to_rotations(chain.rotations, links, stiffness)
+def advance(chain):  # type: ignore[no-untyped-def]
+    """The second half, with the torque in `chain`."""
+    if chain.is_direct:
+        _advance_directly(chain)
+    else:
+        _mj_step2(chain.model, chain.data)
 
 
 @compiled
-def advance_with_mujoco(chain):  # type: ignore[no-untyped-def]
-    """The second half."""
-    _mj_step2(chain.model, chain.data)
+def step_plant(chain):  # type: ignore[no-untyped-def]
+    """A whole timestep."""
+    _begin(chain)
+    advance(chain)
 
 
 @compiled
-def look_directly(chain, links, stiffness):  # type: ignore[no-untyped-def]
-    """The first half of a timestep of a `DirectStep`; turns the `links` to where they are."""
-    _mj_kinematics(chain.model, chain.data)
-    _turn_to_rotations(chain.rotations, links, stiffness)
+def _begin(chain):  # type: ignore[no-untyped-def]
+    if chain.is_direct:
+        _mj_kinematics(chain.model, chain.data)
+    else:
+        _mj_step1(chain.model, chain.data)
 
 
 @compiled
-def _turn_to_rotations(rotations, links, stiffness):  # type: ignore[no-untyped-def]
-    """Hinges about y: the matrix of a link at the absolute angle φ begins with cos φ, 0, sin φ."""
-    for i in range(rotations.shape[0]):
-        turn(links[i], rotations[i, 0], rotations[i, 2], stiffness)
-
-
-@compiled
-def advance_directly(chain):  # type: ignore[no-untyped-def]
-    """The second half."""
+def _advance_directly(chain):  # type: ignore[no-untyped-def]
     model, data = chain.model, chain.data
     _mj_comPos(model, data)
     _mj_crb(model, data)
@@ -175,39 +167,13 @@ def advance_directly(chain):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def step_with_mujoco(chain):  # type: ignore[no-untyped-def]
-    """A whole timestep of a `MujocoStep`."""
-    _mj_step1(chain.model, chain.data)
-    _mj_step2(chain.model, chain.data)
-
-
-@compiled
-def step_directly(chain):  # type: ignore[no-untyped-def]
-    """A whole timestep of a `DirectStep`."""
-    _mj_kinematics(chain.model, chain.data)
-    advance_directly(chain)
-
-
-def forget(chain):  # type: ignore[no-untyped-def]
-    """Leaves nothing of the motion before in any step, but for what is in `qpos` and `qvel`."""
-    raise NotImplementedError
-
-
-@overload(forget, inline="always")
-def _forget_of(chain):  # type: ignore[no-untyped-def]
-    if class_of(chain) is MujocoStep:
-        return lambda chain: forget_in_mujoco(chain)
-    return lambda chain: forget_directly(chain)
-
-
-@compiled
 def _advance_many(chain, steps):  # type: ignore[no-untyped-def]
     for _ in range(steps):
-        step_directly(chain)
+        step_plant(chain)
 
 
 def agrees_with_mj_step(model: mujoco.MjModel, data: mujoco.MjData) -> bool:
-    """Whether `DirectStep` is `mj_step` to the last bit on this model; leaves `data` at rest.
+    """Whether a direct `Step` is `mj_step` to the last bit on this model; leaves `data` at rest.
 
     Compared after a number of steps from random states with random torques, fast and large ones among them.
     """
@@ -231,7 +197,7 @@ def agrees_with_mj_step(model: mujoco.MjModel, data: mujoco.MjData) -> bool:
     return same
 
 
-def fastest_step(plant: MujocoPlant | ArmPlant) -> MujocoStep | DirectStep:
+def fastest_step(plant: MujocoPlant | ArmPlant) -> Step:
     """How a compiled loop moves `plant` on: MuJoCo's stages one by one, or `mj_step` where these are not the same to
     the last bit.
     """

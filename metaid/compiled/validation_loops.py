@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from metaid.compiled.decorator import compiled
-from metaid.compiled.kernel import advance, look
 from metaid.compiled.law import LINK, compensate
 from metaid.compiled.quiet import quiet_mujoco
-from metaid.compiled.stages import fastest_step
+from metaid.compiled.stages import advance, fastest_step, look
 from metaid.models import Array, Lumps
 from metaid.plant import MujocoPlant, Start
 
@@ -78,7 +77,7 @@ def _track(chain, law, models, links, motion, bandwidth, lost, work, seen):  # t
             if not abs(chain.qpos[i] - angles[step, i]) <= lost:
                 return step
         _place(chain, links)
-        look(chain, links, 0.0)  # type: ignore[no-untyped-call]
+        look(chain, links, 0.0)
         compensate(law, links, chain.qvel, torque)
         acceleration, correction = 0.0, 0.0  # absolute, in rad/s²
         for i in range(n):
@@ -96,5 +95,5 @@ def _track(chain, law, models, links, motion, bandwidth, lost, work, seen):  # t
         for i in range(n):
             seen[0, step, i], seen[1, step, i], seen[2, step, i] = chain.qpos[i], chain.qvel[i], torque[i]
             chain.torque[i] = torque[i]
-        advance(chain, links)  # type: ignore[no-untyped-call]
+        advance(chain)
     return angles.shape[0]

@@ -7,20 +7,11 @@ from dataclasses import dataclass, replace
 from typing import Any, cast
 
 import numpy as np
-from numba.extending import overload
 
 from metaid.compiled.decorator import compiled
 from metaid.compiled.quiet import quiet_mujoco
 from metaid.compiled.spatial.dynamics import Frames, fill_law, frames_of, kinetic_squares, new_space
-from metaid.compiled.stages import (
-    DirectStep,
-    MujocoStep,
-    fastest_step,
-    forget,
-    step_directly,
-    step_with_mujoco,
-)
-from metaid.compiled.undocumented import class_of
+from metaid.compiled.stages import Step, fastest_step, forget, step_plant
 from metaid.episode import (
     QUANTITIES,
     Episode,
@@ -49,7 +40,7 @@ class ArmLoop(WholeEpisodes):
         step: how it moves on; by default the fastest.
     """
 
-    def __init__(self, plant: ArmPlant, episode: Episode, step: MujocoStep | DirectStep | None = None) -> None:
+    def __init__(self, plant: ArmPlant, episode: Episode, step: Step | None = None) -> None:
         self.plant, self.episode = FaultyPlant(plant), episode
         self.step = fastest_step(plant) if step is None else step
         self._kind = cast(Spatial, episode.kind)
@@ -134,18 +125,6 @@ class QuickSpatial(Spatial):
         return torque
 
 
-def step_arm(plant):  # type: ignore[no-untyped-def]
-    """Lets a timestep of a `Step` pass."""
-    raise NotImplementedError
-
-
-@overload(step_arm, inline="always")
-def _step_of(plant):  # type: ignore[no-untyped-def]
-    if class_of(plant) is MujocoStep:
-        return lambda plant: step_with_mujoco(plant)
-    return lambda plant: step_directly(plant)
-
-
 @compiled
 def _run(plant, models, starts, stiffness, sensors, drives, settings, work, outputs):  # type: ignore[no-untyped-def]
     """All pushes of an episode. Fills the `outputs`; see `Record`.
@@ -164,7 +143,7 @@ def _run(plant, models, starts, stiffness, sensors, drives, settings, work, outp
     n = expected.shape[2]
     pull, jump, squares, jumps, command, ahead = vectors
     for push in range(expected.shape[0]):
-        forget(plant)  # type: ignore[no-untyped-call]
+        forget(plant)
         for i in range(n):
             plant.qpos[i], plant.qvel[i] = truly[push, 0, i], truly[push, 1, i]
             squares[i] = jumps[i] = 0.0
@@ -182,7 +161,7 @@ def _run(plant, models, starts, stiffness, sensors, drives, settings, work, outp
                 delivered = min(max(commands[(step + 1) % slots, i], -limits[i]), limits[i])
                 plant.torque[i] = gains[i] * delivered + torque_noise[push, step, i]
             for _ in range(control_every):
-                step_arm(plant)  # type: ignore[no-untyped-call]
+                step_plant(plant)
             step += 1
             _read(plant, start, sensors, push, step, angles[push], speeds[push])
             for i in range(n):

@@ -6,14 +6,13 @@ import numpy as np
 
 from metaid.compiled.decorator import compiled
 from metaid.compiled.quiet import quiet_mujoco
-from metaid.compiled.spatial.arm_loop import step_arm
 from metaid.compiled.spatial.dynamics import (
     accelerating_torques,
     fill_mass_matrix,
     frames_of,
     new_space,
 )
-from metaid.compiled.stages import fastest_step, forget
+from metaid.compiled.stages import fastest_step, forget, step_plant
 from metaid.models import Array
 from metaid.plant import ArmPlant
 
@@ -52,7 +51,7 @@ def _track(plant, models, motion, bandwidth, lost, work, seen):  # type: ignore[
     (frames, law, metric), (positions, speeds, accelerations), (space, vectors) = models, motion, work
     torque, correction = vectors[0], vectors[1]
     n = seen.shape[1]
-    forget(plant)  # type: ignore[no-untyped-call]
+    forget(plant)
     for i in range(n):
         plant.qpos[i], plant.qvel[i] = positions[0, i], 0.0
     for step in range(seen.shape[0]):
@@ -72,5 +71,5 @@ def _track(plant, models, motion, bandwidth, lost, work, seen):  # type: ignore[
             torque[i] += space.mass_matrix[i, i] * correction[i]
         for i in range(n):
             plant.torque[i] = torque[i]
-        step_arm(plant)  # type: ignore[no-untyped-call]
+        step_plant(plant)
     return seen.shape[0]
