@@ -19,7 +19,6 @@ from metaid.models import Array, Lumps
 
 Laws = tuple[Array, Array, Array, Array, Array, Array]
 Outputs = tuple[NDArray[np.int64], Array, Array, Array]
-WindowOutputs = tuple[Array, NDArray[np.int64]]
 
 
 @dataclass(frozen=True)
@@ -42,7 +41,7 @@ class Batch:
     ran: NDArray[np.int64]
     fell: NDArray[np.bool_]
     outputs: Outputs
-    windows: WindowOutputs
+    windows: tuple[Array, NDArray[np.int64]]
     angles: Array
 
     def records(self) -> list[Record]:
@@ -79,7 +78,8 @@ def new_batch(episode: Episode, timestep: float, gravity: float, candidates: Lum
     """
     npush, njoint = episode.pushes.shape
     count = len(candidates.gravity)
-    shape = count, npush, njoint
+    shape, in_windows = (count, npush, njoint), (count, npush, len(episode.window_ends))
+    windows = np.zeros((*in_windows, QUANTITIES, njoint)), np.zeros((*in_windows, njoint), dtype=np.int64)
     outputs = np.zeros(shape, dtype=np.int64), np.zeros(shape), np.zeros(shape), np.zeros(shape)
     return Batch(
         episode,
@@ -89,17 +89,9 @@ def new_batch(episode: Episode, timestep: float, gravity: float, candidates: Lum
         np.zeros((count, npush), dtype=np.int64),
         np.zeros((count, npush), dtype=np.bool_),
         outputs,
-        new_windows(episode, count),
+        windows,
         np.zeros((count, npush, episode.steps + 1, njoint) if episode.keep_angles else (0, 0, 0, 0)),
     )
-
-
-def new_windows(episode: Episode, count: int) -> WindowOutputs:
-    """Where loops put the windows of `count` candidates."""
-    npush, njoint = episode.pushes.shape
-    nwindow = len(episode.window_ends)
-    motion = np.zeros((count, npush, nwindow, QUANTITIES, njoint))
-    return motion, np.zeros((count, npush, nwindow, njoint), dtype=np.int64)
 
 
 def laws_of(episode: Episode, gravity: float, candidates: Lumps) -> Laws:

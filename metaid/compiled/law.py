@@ -52,6 +52,17 @@ def turn(link, cosine, sine, stiffness):  # type: ignore[no-untyped-def]
 
 
 @compiled
+def place_links(position, speed, links):  # type: ignore[no-untyped-def]
+    """Gives the `links` the absolute angles and speeds that follow from those of joints (njoint each)."""
+    link_angle, link_speed = 0.0, 0.0
+    for i in range(links.shape[0]):
+        link_angle += position[i]
+        link_speed += speed[i]
+        links[i].angle = link_angle
+        links[i].speed = link_speed
+
+
+@compiled
 def turn_to_angles(links, stiffness):  # type: ignore[no-untyped-def]
     """All `links` are turned to their angles."""
     for i in range(links.shape[0]):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -13,12 +14,12 @@ from metaid.compiled.quiet import quiet_mujoco
 from metaid.compiled.stages import Step, fastest_step
 from metaid.episode import Episode, GoesOn, Record
 from metaid.models import Array, Lumps
-from metaid.plant import MujocoPlant, Start
+from metaid.plant import MujocoPlant, SimulatedPlant
 
 
-def start_states(plant: MujocoPlant, starts: Sequence[Start]) -> Array:
-    """Joint angles in rad and speeds in rad/s (npush x 2 x njoint) right after the pushes that begin at `starts`."""
-    return np.array([(plant.true_angles(start), plant.start_speeds(start)) for start in starts])
+def start_states(plant: SimulatedPlant, starts: Sequence[Any]) -> Array:
+    """Joint coordinates and speeds (npush x 2 x njoint) right after the pushes that begin at `starts`."""
+    return np.array([(plant.true_angles(start), plant.start_speeds(start)) for start in starts], dtype=np.float64)
 
 
 class CompiledLoop:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from metaid.compiled.decorator import compiled
-from metaid.compiled.law import LINK, compensate
+from metaid.compiled.law import LINK, compensate, place_links
 from metaid.compiled.quiet import quiet_mujoco
 from metaid.compiled.stages import advance, fastest_step, look
 from metaid.models import Array, Lumps
@@ -52,17 +52,6 @@ def _law(plant: MujocoPlant, lumps: Lumps) -> tuple[Array, Array, Array, Array, 
 
 
 @compiled
-def _place(chain, links):  # type: ignore[no-untyped-def]
-    """Gives the `links` the absolute angles and speeds that the chain is at."""
-    angle, speed = 0.0, 0.0
-    for i in range(links.shape[0]):
-        angle += chain.qpos[i]
-        speed += chain.qvel[i]
-        links[i].angle = angle
-        links[i].speed = speed
-
-
-@compiled
 def _track(chain, law, models, links, motion, bandwidth, lost, work, seen):  # type: ignore[no-untyped-def]
     """Fills `seen` (3 x nsteps x njoint) with angles, speeds and torques; returns the steps before control was lost.
 
@@ -76,7 +65,7 @@ def _track(chain, law, models, links, motion, bandwidth, lost, work, seen):  # t
         for i in range(n):
             if not abs(chain.qpos[i] - angles[step, i]) <= lost:
                 return step
-        _place(chain, links)
+        place_links(chain.qpos, chain.qvel, links)
         look(chain, links, 0.0)
         compensate(law, links, chain.qvel, torque)
         acceleration, correction = 0.0, 0.0  # absolute, in rad/s²

@@ -25,8 +25,8 @@ from metaid.episode.pushes import REACH, natural_time, pushed_speeds, pushes_for
 from metaid.episode.readings import SensorReadings, readings_before_fall
 from metaid.episode.record import GoesOn, Record, Trajectory, same_record
 from metaid.episode.smoothing import noise_floor
-from metaid.episode.spatial import KnownStarts, Spatial, arm_record, uncounted
-from metaid.episode.stepwise import StepwiseLoop, WholeEpisodes, run_stepwise
+from metaid.episode.spatial import KnownStarts, Spatial
+from metaid.episode.stepwise import StepwiseLoop, WholeEpisodes, record_of, run_stepwise
 from metaid.episode.windows import (
     QUANTITIES,
     SHORTEST,
@@ -35,5 +35,4 @@ from metaid.episode.windows import (
     even_ends,
     window_ends,
     windows_before_fall,
-    windows_seen,
 )

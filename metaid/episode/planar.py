@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from metaid.episode.pushed import Pushed
-from metaid.episode.record import Record, Seen, crosses_at, crossings, energies, windows_of
+from metaid.episode.record import Record, Seen, crossings, energies, windows_of
 from metaid.errors import EpisodeError
 from metaid.models import Array, ChainModel, Lumps
 from metaid.plant import Plant, Start
@@ -41,19 +41,15 @@ class Planar:
         return lambda angles, speeds: rule.has_fallen(np.cumsum(angles), np.cumsum(speeds), allowed, timestep)
 
     def record(self, seen: Seen, episode: Pushed) -> Record:
-        timestep, motions = seen.timestep, seen.motions
-        shape, springs = episode.pushes.shape, episode.springs
-        half_periods, span = np.zeros(shape, dtype=np.int64), np.zeros(shape)
-        speed_energy, acceleration_energy = np.zeros(shape), np.zeros(shape)
-        for push, ((angles, speeds), start) in enumerate(zip(motions, episode.starts, strict=False)):
-            crosses = crosses_at(start, speeds[0])
-            half_periods[push], span[push] = crossings(angles, crosses, timestep, episode.deadband)
-            wanted = -springs[push] * angles[:-1]
-            speed_energy[push], acceleration_energy[push] = energies(speeds, timestep, wanted)
-        sums = half_periods, span, speed_energy, acceleration_energy
-        kept = tuple(angles for angles, _ in motions) if episode.keep_angles else ()
-        floor, windows = episode.noise_floor.energy, windows_of(seen, episode)
-        return Record(timestep, seen.steps, seen.fell, *sums, kept, floor, windows)
+        (angles, speeds), steps, pushes = seen.padded(episode.steps), seen.steps, np.arange(episode.npush)
+        crosses = (episode.states[:, 0] == 0.0) & (speeds[0] != 0.0)
+        crossed, span = crossings(angles, crosses, seen.timestep, episode.deadband)
+        sums = energies(speeds, seen.timestep, -episode.springs[:, None] * angles[:-1])
+        at_end = steps, pushes
+        shown = crossed[at_end], span, sums[0][at_end], sums[1][at_end]
+        kept = tuple(angles for angles, _ in seen.motions) if episode.keep_angles else ()
+        windows = windows_of(seen, episode.window_ends, (angles, speeds, *sums), crossed)
+        return Record(seen.timestep, steps, seen.fell, *shown, kept, episode.noise_floor.energy, windows)
 
 
 PLANAR = Planar()

@@ -9,11 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.episode.pushed import Pushed
 from metaid.episode.readings import SensorReadings
-from metaid.episode.windows import QUANTITIES, Windows, windows_seen
+from metaid.episode.windows import Windows, windows_before_fall
 from metaid.models import Array
-from metaid.plant import Start
 
 ALIKE = 1e-9  # relative: how far two loops may differ that take the same steps
 
@@ -23,12 +21,14 @@ Motion = tuple[Array, Array]  # joint angles and speeds (nsteps + 1 x njoint) af
 @dataclass(frozen=True, eq=False)
 class Seen:
     """What was seen of an episode, step by step: the `motions` of pushes that were begun, which of all pushes `fell`
-    (npush), and the `timestep` between two torques, in s.
+    (npush), and the `timestep` between two torques, in s. Of an arm whose loop works them out, sums of q̇ᵀ M̄ q̇ and of
+    the same of what q̇ gained beyond the law, M̄ being the nominal mass matrix: `squares` (2 x npush).
     """
 
     motions: Sequence[Motion]
     fell: NDArray[np.bool_]
     timestep: float
+    squares: Array | None = None
 
     @property
     def steps(self) -> NDArray[np.int64]:
@@ -36,6 +36,13 @@ class Seen:
         steps = np.zeros(len(self.fell), dtype=np.int64)
         steps[: len(self.motions)] = [len(angles) - 1 for angles, _ in self.motions]
         return steps
+
+    def padded(self, steps: int) -> Array:
+        """Joint angles and speeds up to so many `steps` (2 x nsteps + 1 x npush x njoint), zeros where none are."""
+        padded = np.zeros((2, steps + 1, len(self.fell), self.motions[0][0].shape[1]))
+        for push, (angles, speeds) in enumerate(self.motions):
+            padded[:, : len(angles), push] = angles, speeds
+        return padded
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,67 +140,59 @@ def crossings(
     A crossing lies between the steps about it, on the straight line.
 
     Args:
-        angles: of the joints (nsteps + 1 x njoint), in rad.
-        crosses: whether the push itself is the first crossing of a joint (njoint): it moved one that was upright.
+        angles: of joints (nsteps + 1 x ...), in rad.
+        crosses: whether the push itself is the first crossing of a joint (...): it moved one that was upright.
         timestep: in s.
         deadband: in rad; angles within it are left out.
 
     Returns:
-        Half periods (njoint) and the time from the first to the last crossing (njoint), in s.
+        Half periods up to each step (nsteps + 1 x ...), and the time from the first to the last crossing (...), in s.
     """
-    njoint = angles.shape[1]
-    half_periods, span = np.zeros(njoint, dtype=np.int64), np.zeros(njoint)
-    for joint in range(njoint):
-        moving = np.flatnonzero(np.abs(angles[:, joint]) > deadband)
-        if len(moving) == 0:
-            continue
-        angle = angles[moving, joint]
-        after = np.flatnonzero(np.sign(angle[1:]) != np.sign(angle[:-1])) + 1
-        fraction = angle[after] / (angle[after] - angle[after - 1])
-        times = timestep * (moving[after] - fraction * (moving[after] - moving[after - 1]))
-        if crosses[joint]:
-            times = np.append(0.0, times)
-        half_periods[joint] = max(len(times) - 1, 0)
-        span[joint] = times[-1] - times[0] if len(times) else 0.0
-    return half_periods, span
+    steps, moving = np.arange(len(angles)).reshape(-1, *[1] * crosses.ndim), np.abs(angles) > deadband
+    last = np.maximum.accumulate(np.where(moving, steps, -1))  # step at which the joint was beyond the deadband
+    before = np.concatenate([np.full_like(last[:1], -1), last[:-1]])
+    earlier = np.take_along_axis(angles, before, 0)
+    crossed = moving & (before >= 0) & (np.sign(angles) != np.sign(earlier))
+    step, *joint = np.nonzero(crossed)
+    fraction = angles[crossed] / (angles[crossed] - earlier[crossed])
+    times = timestep * (step - fraction * (step - before[crossed]))
+    begin, end = np.where(crosses, 0.0, np.inf), np.where(crosses, 0.0, -np.inf)
+    np.minimum.at(begin, tuple(joint), times)
+    np.maximum.at(end, tuple(joint), times)
+    crossed[0] = crosses
+    return np.maximum(np.cumsum(crossed, axis=0) - 1, 0), np.maximum(end - begin, 0.0)
 
 
-def crosses_at(start: Start, speeds: Array) -> NDArray[np.bool_]:
-    """Whether a push is the first crossing of the upright of a joint (njoint), whose speed after it is in `speeds`
-    (njoint), in rad/s.
+def energies(speeds: Array, timestep: float, wanted: Array | float = 0.0) -> Array:
+    """∫ q̇² dt (trapezoid) and ∫ (q̈ − wanted)² dt (finite differences) up to each step (2 x nsteps + 1 x ...) of joint
+    `speeds` (nsteps + 1 x ...), in rad/s.  Eqs. 11 and 14.
+
+    `wanted` (nsteps x ...): the acceleration that the law is to bring about at the beginning of each step, in rad/s².
+    The torque of a step is that of its beginning, so with an exact law nothing is left, however long the step.
     """
-    crosses: NDArray[np.bool_] = (start.angles == 0.0) & (speeds != 0.0)
-    return crosses
+    squared, jumps = speeds**2, np.diff(speeds, axis=0) - timestep * wanted
+    shown = np.zeros((2, *speeds.shape))
+    shown[0, 1:] = 0.5 * timestep * np.cumsum(squared[:-1] + squared[1:], axis=0)
+    shown[1, 1:] = np.cumsum(jumps**2, axis=0) / timestep
+    return shown
 
 
-def energies(speeds: Array, timestep: float, wanted: Array | float = 0.0) -> tuple[Array, Array]:
-    """∫ q̇² dt (trapezoid) and ∫ (q̈ − wanted)² dt (finite differences) per joint of `speeds` (nsteps + 1 x njoint), in
-    rad/s.  Eqs. 11 and 14.
+def windows_of(
+    seen: Seen, ends: Sequence[int], motion: Sequence[Array], half_periods: NDArray[np.int64]
+) -> Windows | None:
+    """The windows of an episode that was seen step by step; None where it asks for none.
 
-    `wanted` (nsteps x njoint): the acceleration that the law is to bring about at the beginning of each step, in
-    rad/s². The torque of a step is that of its beginning, so with an exact law nothing is left, however long the step.
+    Args:
+        seen: what was.
+        ends: the steps (nwindow) at which windows end.
+        motion: what `Windows` has of it, up to each step (4 of nsteps + 1 x npush x njoint).
+        half_periods: up to each step (nsteps + 1 x npush x njoint).
     """
-    squared = speeds**2
-    speed_energy = timestep * (squared.sum(axis=0) - 0.5 * (squared[0] + squared[-1]))
-    acceleration_energy = ((np.diff(speeds, axis=0) - timestep * wanted) ** 2).sum(axis=0) / timestep
-    return speed_energy, acceleration_energy
-
-
-def windows_of(seen: Seen, episode: Pushed) -> Windows | None:
-    """The windows of an episode of a chain that was seen step by step; None where it asks for none."""
-    if not episode.window_ends:
+    if not len(ends):
         return None
-    ends, (npush, njoint) = np.array(episode.window_ends), episode.pushes.shape
-    whole = windows_seen(ends, seen.steps, seen.fell)
-    motion = np.zeros((npush, len(ends), QUANTITIES, njoint))
-    half_periods = np.zeros((npush, len(ends), njoint), dtype=np.int64)
-    for push, ((angles, speeds), start) in enumerate(zip(seen.motions, episode.starts, strict=False)):
-        crosses = crosses_at(start, speeds[0])
-        for window, end in enumerate(ends[: whole[push]]):
-            shown = energies(speeds[: end + 1], seen.timestep, -episode.springs[push] * angles[:end])
-            motion[push, window] = angles[end], speeds[end], *shown
-            half_periods[push, window], _ = crossings(angles[: end + 1], crosses, seen.timestep, episode.deadband)
-    return Windows(ends, whole, motion, half_periods)
+    at = np.array(ends)
+    shown = np.array([each[at] for each in motion]).transpose(2, 1, 0, 3)
+    return windows_before_fall(at, shown, half_periods[at].swapaxes(0, 1), seen.steps, seen.fell)
 
 
 def same_record(one: Record, other: Record) -> bool:

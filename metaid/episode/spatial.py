@@ -7,11 +7,9 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from metaid.episode.pushed import Pushed
-from metaid.episode.record import Record, Seen
-from metaid.episode.windows import QUANTITIES, Windows, windows_seen
+from metaid.episode.record import Record, Seen, windows_of
 from metaid.errors import EpisodeError, ImplausiblePlant
 from metaid.models import Array
 from metaid.models.tree import Tree, joint_torque, kinetic_squares
@@ -63,44 +61,20 @@ class Spatial:
         return lambda angles, speeds: not bool(((low <= angles) & (angles <= high) & (np.abs(speeds) <= allowed)).all())
 
     def record(self, seen: Seen, episode: Pushed) -> Record:
-        fell, steps, timestep = seen.fell, seen.steps, seen.timestep
-        ends, n = np.array(episode.window_ends, dtype=np.int64), episode.njoint
-        count = windows_seen(ends, steps, fell)
-        motion = np.zeros((episode.npush, len(ends), QUANTITIES, n))
-        energies = np.zeros((episode.npush, 2))
-        for push, (angles, speeds) in enumerate(seen.motions):
-            whole = int(steps[push] - fell[push])
-            before, ahead = speeds[:whole], angles[:whole] + episode.lead * speeds[:whole]
-            pull = -episode.springs[push] * (ahead - episode.states[push, 0])
-            jumps = speeds[1 : whole + 1] - before - timestep * pull
-            moving, faster = (kinetic_squares(self.nominal, ahead, each).sum() for each in (before, jumps))
-            energies[push] = timestep * moving, faster / timestep
-            squares = timestep * np.cumsum(before**2, axis=0), np.cumsum(jumps**2, axis=0) / timestep
-            for window, end in enumerate(ends[: count[push]]):
-                motion[push, window] = angles[end], speeds[end], *(each[end - 1] for each in squares)
-        return arm_record(timestep, steps, fell, energies, Windows(ends, count, motion, uncounted(motion)))
-
-
-def arm_record(
-    timestep: float, steps: NDArray[np.int64], fell: NDArray[np.bool_], energies: Array, windows: Windows
-) -> Record:
-    """The record of an arm, of which nothing is counted.
-
-    Args:
-        timestep: between two torques, in s.
-        steps: of each push (npush).
-        fell: which pushes did (npush).
-        energies: of its speeds and of its accelerations (npush x 2), in the metric.
-        windows: its motion.
-    """
-    shape = len(steps), windows.motion.shape[-1]
-    uncrossed = np.zeros(shape, dtype=np.int64), np.zeros(shape)
-    return Record(timestep, steps, fell, *uncrossed, energies[:, 0], energies[:, 1], windows=windows)
-
-
-def uncounted(motion: Array) -> NDArray[np.int64]:
-    """No half periods, of the windows with this `motion` (npush x nwindow x 4 x njoint)."""
-    return np.zeros((*motion.shape[:2], motion.shape[3]), dtype=np.int64)
+        (angles, speeds), timestep = seen.padded(episode.steps), seen.timestep
+        before, ahead = speeds[:-1], (angles + episode.lead * speeds)[:-1]
+        pull = -episode.springs[:, None] * (ahead - episode.states[:, 0])
+        jumps, squares = np.diff(speeds, axis=0) - timestep * pull, seen.squares
+        if squares is None:
+            is_seen = np.arange(episode.steps)[:, None] < seen.steps - seen.fell
+            each = (kinetic_squares(self.nominal, ahead, moved) for moved in (before, jumps))
+            squares = np.array([np.where(is_seen, own, 0.0).sum(axis=0) for own in each])
+        sums = np.zeros((2, *speeds.shape))
+        sums[:, 1:] = timestep * np.cumsum(before**2, axis=0), np.cumsum(jumps**2, axis=0) / timestep
+        uncounted = np.zeros(angles.shape, dtype=np.int64)
+        windows = windows_of(seen, episode.window_ends, (angles, speeds, *sums), uncounted)
+        shown = uncounted[0], np.zeros(angles.shape[1:]), timestep * squares[0], squares[1] / timestep
+        return Record(timestep, seen.steps, seen.fell, *shown, windows=windows)
 
 
 @dataclass(frozen=True, eq=False)

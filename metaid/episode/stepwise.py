@@ -139,19 +139,31 @@ def run_stepwise(
         if fell[push] and episode.kind.ends_at_fall:
             break
         if goes_on is not None and push + 1 < episode.npush and not fell.any():
-            so_far = _record_of(motions, times, plant, episode, fell).first(push + 1)
+            so_far = record_of(motions, times, plant, episode, fell).first(push + 1)
             if not goes_on(so_far):
                 return so_far, Trajectory(angles, speeds)
-    return _record_of(motions, times, plant, episode, fell), Trajectory(angles, speeds)
+    return record_of(motions, times, plant, episode, fell), Trajectory(angles, speeds)
 
 
-def _record_of(
-    motions: Sequence[Motion], times: Sequence[Array | None], plant: Any, episode: Episode, fell: NDArray[np.bool_]
+def record_of(
+    motions: Sequence[Motion],
+    times: Sequence[Array | None],
+    plant: Any,
+    episode: Episode,
+    fell: NDArray[np.bool_],
+    squares: Array | None = None,
 ) -> Record:
-    """The record of an episode from the motion of each push that was begun, which of all pushes `fell` (npush), and the
-    times of its readings (nsteps + 1), in s, where the plant tells them.
+    """The record of an episode from what was seen of it.
+
+    Args:
+        motions: of each push that was begun.
+        times: of the readings of each (nsteps + 1), in s, where the plant tells them.
+        plant: that moved.
+        episode: what was done to it.
+        fell: which of all pushes did (npush).
+        squares: as `Seen` has them.
     """
-    record = episode.kind.record(Seen(motions, fell, plant.timestep), episode)
+    record = episode.kind.record(Seen(motions, fell, plant.timestep, squares), episode)
     if not episode.readings_steps:
         return record
     reads_speeds = not isinstance(plant, FaultyPlant) or plant.faults.speed_sensor

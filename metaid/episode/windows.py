@@ -80,18 +80,6 @@ class Windows:
         return replace(self, seen=self.seen[rows], motion=self.motion[rows], half_periods=self.half_periods[rows])
 
 
-def windows_seen(ends: NDArray[np.int64], ran: NDArray[np.int64], fell: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """How many windows of each push (npush) ended before a fall.
-
-    Args:
-        ends: the steps (nwindow) at which windows end.
-        ran: the steps of each push (npush), up to that of the fall where it fell; 0 of one that was never begun.
-        fell: which pushes did (npush).
-    """
-    seen: NDArray[np.int64] = (ends <= (ran - fell)[:, None]).sum(axis=1)
-    return seen
-
-
 def windows_before_fall(
     ends: NDArray[np.int64],
     motion: Array,
@@ -105,13 +93,9 @@ def windows_before_fall(
         ends: the steps (nwindow) at which windows end.
         motion: as `Windows` has it, with anything in the windows after a fall.
         half_periods: likewise.
-        ran: the steps of each push (npush), as `windows_seen` takes them.
+        ran: the steps of each push (npush), up to that of the fall where it fell; 0 of one that was never begun.
         fell: which pushes ended in a fall (npush).
     """
-    if not fell.any():
-        return Windows(ends, np.full(len(motion), len(ends)), motion, half_periods)
-    seen = windows_seen(ends, ran, fell)
-    for push in np.flatnonzero(seen < len(ends)):
-        motion[push, seen[push] :] = 0.0
-        half_periods[push, seen[push] :] = 0
-    return Windows(ends, seen, motion, half_periods)
+    is_seen = ends <= (ran - fell)[:, None]
+    shown = np.where(is_seen[..., None, None], motion, 0.0)
+    return Windows(ends, is_seen.sum(axis=1), shown, half_periods * is_seen[..., None])

@@ -36,14 +36,16 @@ def test_spectral_of_a_sinusoid_is_its_frequency(hertz: float) -> None:
     """Whatever the amplitude, over whole periods, to the accuracy of finite differences."""
     for amplitude in (0.01, 1.0):
         _, speeds = sine(hertz, 10.0, amplitude)
-        speed_energy, acceleration_energy = energies(speeds, TIMESTEP)
+        speed_energy, acceleration_energy = energies(speeds, TIMESTEP)[:, -1]
         assert spectral_hz(acceleration_energy[None], speed_energy[None]) == pytest.approx(hertz, rel=1e-3)
 
 
 def test_spectral_weighs_joints_and_pushes_by_the_energy_of_their_motion() -> None:
     """Two sinusoids give the root of the mean of their squared frequencies, weighed by mean squared speed."""
     # Mean squared speeds go as (amplitude x frequency)²: 4 to 1, so the mean is (4 x 1² + 7²) / 5.
-    parts = [energies(sine(hertz, 10.0, amplitude)[1], TIMESTEP) for hertz, amplitude in ((1.0, 1.4), (7.0, 0.1))]
+    parts = [
+        energies(sine(hertz, 10.0, amplitude)[1], TIMESTEP)[:, -1] for hertz, amplitude in ((1.0, 1.4), (7.0, 0.1))
+    ]
     speed_energy, acceleration_energy = (np.array([part[i] for part in parts]) for i in (0, 1))
     assert spectral_hz(acceleration_energy, speed_energy) == pytest.approx(np.sqrt(53.0 / 5.0), rel=1e-3)
     assert spectral_hz(acceleration_energy.T, speed_energy.T) == pytest.approx(np.sqrt(53.0 / 5.0), rel=1e-3)
@@ -53,7 +55,7 @@ def test_constant_speed_has_no_frequency_in_any_measure() -> None:
     """Coasting is zero in every measure."""
     angles, speeds = TIMESTEP * np.arange(1001)[:, None], np.ones((1001, 1))
     half_periods, span = crossings(angles, speeds[0] != 0.0, TIMESTEP)
-    seen = half_periods[None], span[None], *(e[None] for e in energies(speeds, TIMESTEP))
+    seen = half_periods[-1:], span[None], *energies(speeds, TIMESTEP)[:, -1:]
     record, episode = record_of(seen, angles), Episode(np.array([[0.1]]), 1000)
     values = {name: MEASURES[name].value(record, episode) for name in PLANAR.measures}
     assert values == {"count": 0.0, "crossing": 0.0, "spectral": 0.0, "smoothed": pytest.approx(0.0, abs=1e-9)}
@@ -63,8 +65,8 @@ def test_count_is_of_whole_periods_and_crossing_of_the_time_they_took() -> None:
     """10.3 s of 1 Hz are 10 whole periods; the interpolated frequency is 1 Hz."""
     angles, speeds = sine(1.0, 10.3)
     half_periods, span = crossings(angles, speeds[0] != 0.0, TIMESTEP)
-    assert whole_periods(half_periods[None]).tolist() == [10]
-    assert crossing_hz(half_periods[None], span[None])[0, 0] == pytest.approx(1.0, rel=1e-5)
+    assert whole_periods(half_periods[-1:]).tolist() == [10]
+    assert crossing_hz(half_periods[-1:], span[None])[0, 0] == pytest.approx(1.0, rel=1e-5)
 
 
 @pytest.mark.parametrize("name", MEASURES)
@@ -75,7 +77,7 @@ def test_every_fall_is_worse_than_every_survivor_and_earlier_falls_are_worse(nam
     angles = np.append(0.0, 0.1 * np.resize([1.0, -1.0], steps))[:, None]
     speeds = np.resize([1.0, -1.0], steps + 1)[:, None]
     half_periods, span = crossings(angles, speeds[0] != 0.0, TIMESTEP)
-    seen = half_periods[None], span[None], *(e[None] for e in energies(speeds, TIMESTEP))
+    seen = half_periods[-1:], span[None], *energies(speeds, TIMESTEP)[:, -1:]
     wild = record_of(seen, angles)
     ceiling = measure.ceiling(episode, TIMESTEP)
     late, early = (fall_value(ceiling, survived, steps) for survived in (steps - 1, 1))

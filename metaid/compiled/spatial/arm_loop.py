@@ -3,88 +3,67 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Any, cast
+from dataclasses import dataclass
+from typing import Any, NamedTuple, cast
 
 import numpy as np
+from numba.extending import overload
 
 from metaid.compiled.decorator import compiled
-from metaid.compiled.quiet import quiet_mujoco
-from metaid.compiled.spatial.dynamics import Frames, fill_law, frames_of, kinetic_squares, new_space
-from metaid.compiled.stages import Step, fastest_step, forget, step_plant
-from metaid.episode import (
-    QUANTITIES,
-    Episode,
-    GoesOn,
-    Pushed,
-    Record,
-    SensorReadings,
-    Spatial,
-    WholeEpisodes,
-    Windows,
-    arm_record,
-    noise_of,
-    uncounted,
-    windows_seen,
-)
+from metaid.compiled.sensed_loop import SensedLoop, command, follow
+from metaid.compiled.spatial.dynamics import Frames, Space, fill_law, frames_of, kinetic_squares, new_space
+from metaid.compiled.stages import Step
+from metaid.compiled.undocumented import class_of
+from metaid.episode import Episode, Pushed, Spatial
 from metaid.models import Array
-from metaid.plant import ArmPlant, FaultyPlant, slope_weights
+from metaid.plant import ArmPlant
 
 
-class ArmLoop(WholeEpisodes):
-    """Episodes on a simulated arm; holds its state, so one per thread.
-
-    Args:
-        plant: that moves.
-        episode: what is done to it with every candidate.
-        step: how it moves on; by default the fastest.
+class ArmLaw(NamedTuple):
+    """The parameters (njoint x 13) of a law; joint coordinates and speeds at the starts (npush x 2 x njoint) and the
+    stiffness of each push (npush). The joint accelerations that it asks for (njoint), and what it is worked out in.
     """
 
+    frames: Frames
+    parameters: Array
+    starts: Array
+    springs: Array
+    pull: Array
+    space: Space
+
+
+class ArmWatch(NamedTuple):
+    """A `law`; parameters of the `nominal` arm (njoint x 13); the timestep of the control, in s; least and largest
+    coordinates and the speeds beyond which the arm has fallen (njoint each); `squares` as `Seen` has them; and what q̇
+    gained in a step beyond the law (njoint).
+    """
+
+    law: ArmLaw
+    nominal: Array
+    timestep: float
+    bounds: tuple[Array, Array, Array]
+    squares: Array
+    jump: Array
+
+
+def arm_law(frames: Frames, parameters: Array, episode: Pushed) -> ArmLaw:
+    """A law of these `parameters` (njoint x 13) in an `episode` of an arm, whose joints are as the `frames` say."""
+    n, pushed = len(parameters), (episode.states, episode.springs)
+    return ArmLaw(frames, np.array(parameters, order="C"), *pushed, np.zeros(n), new_space(n))
+
+
+class ArmLoop(SensedLoop):
+    """Episodes on a simulated arm."""
+
     def __init__(self, plant: ArmPlant, episode: Episode, step: Step | None = None) -> None:
-        self.plant, self.episode = FaultyPlant(plant), episode
-        self.step = fastest_step(plant) if step is None else step
+        super().__init__(plant, episode, step)
         self._kind = cast(Spatial, episode.kind)
-        self._frames = frames_of(self._kind.nominal)
-        self._space = new_space(plant.njoint)
+        self._frames, self._bounds = frames_of(self._kind.nominal), self._kind.bounds(episode)
 
-    def on(self, episode: Episode) -> ArmLoop:
-        """The same for another `episode`."""
-        return ArmLoop(self.plant.inner, episode, self.step)
-
-    def run(self, law: Array, number: int = 0, goes_on: GoesOn | None = None) -> Record:
-        """The episode of the trial of that `number` with the parameters (njoint x 13) of a candidate; `goes_on` is
-        asked after each push.
-        """
-        plant, faults, episode, nominal = self.plant.inner, self.plant.faults, self.episode, self._kind.nominal
-        npush, n, period = episode.npush, plant.njoint, self.plant.timestep
-        ends = np.array(episode.window_ends, dtype=np.int64)
-        steps, fell = np.zeros(npush, dtype=np.int64), np.zeros(npush, dtype=np.bool_)
-        energies, motion = np.zeros((npush, 2)), np.zeros((npush, len(ends), QUANTITIES, n))
-        angles, speeds = np.zeros((2, npush, episode.steps + 1, n))
-        noise = noise_of(self.plant, episode, number)
-        offsets, weights = faults.encoder_offsets(n), slope_weights(period)
-        sensors = noise.angles, noise.speeds, faults.speed_sensor, faults.encoder_step, offsets, weights
-        drives = faults.control_every, faults.torque_limits(n), faults.torque_gains(n), noise.torques
-        starts = self._starts(noise.impulses), episode.states
-        settings = period, episode.lead, episode.steps, ends, *self._kind.bounds(episode)
-        models = self._frames, np.array(law, order="C"), np.array(nominal.parameters, order="C")
-        work = self._space, np.zeros((6, n)), np.zeros((faults.delay + 1, n))
-        with quiet_mujoco():
-            outputs = steps, fell, energies, motion, angles, speeds
-            _run(self.step, models, starts, episode.springs, sensors, drives, settings, work, outputs)
-        windows = Windows(ends, windows_seen(ends, steps, fell), motion, uncounted(motion))
-        record = arm_record(period, steps, fell, energies, windows)
-        if episode.readings_steps:
-            sensed = speeds if faults.speed_sensor else None
-            record = replace(record, readings=SensorReadings(steps - fell + 1, angles, sensed))
-        return record.stopped_early(goes_on)
-
-    def _starts(self, noise: Array) -> Array:
-        """True joint coordinates and speeds at the start of each push (npush x 2 x njoint), with the `noise` of pushes
-        (npush x njoint).
-        """
-        struck = [start.struck(each) for start, each in zip(self.episode.starts, noise, strict=True)]
-        return np.array([(self.plant.inner.true_angles(start), start.speeds) for start in struck], dtype=np.float64)
+    def sent(self, law: Array) -> ArmWatch:
+        nominal, squares = np.array(self._kind.nominal.parameters, order="C"), np.zeros((2, self.episode.npush))
+        self._squares, own = squares, arm_law(self._frames, law, self.episode)
+        return ArmWatch(own, nominal, self.plant.timestep, self._bounds, squares, np.zeros(len(law)))
 
 
 def commanded_arm_torques(
@@ -100,9 +79,7 @@ def commanded_arm_torques(
         speeds: of the joints as the law took them to be (npush x nstep + 1 x njoint), in rad/s or m/s.
     """
     torques = np.zeros((episode.npush, episode.steps, positions.shape[2]))
-    law = np.array(parameters, order="C")
-    space, pull = new_space(positions.shape[2]), np.zeros(positions.shape[2])
-    _command_all(frames, law, episode.states, episode.springs, positions, speeds, space, pull, torques)
+    _command_all(arm_law(frames, parameters, episode), positions, speeds, torques)
     return torques
 
 
@@ -111,111 +88,54 @@ class QuickSpatial(Spatial):
     """The same with the law compiled: a rig has no time to wait for it between two ticks."""
 
     def torques(self, law: Array, plant: Any, episode: Pushed) -> Callable[[int, Array, Array], Array]:
-        n, starts, springs = self.nominal.njoint, episode.states, episode.springs
-        frames, parameters, space, pull = frames_of(self.nominal), np.array(law, order="C"), new_space(n), np.zeros(n)
+        sent = arm_law(frames_of(self.nominal), law, episode)
 
         def torque(push: int, angles: Array, speeds: Array) -> Array:
-            own, one = slice(push, push + 1), np.empty((1, 1, n))
-            states = (np.ascontiguousarray(each)[None, None] for each in (angles, speeds))
-            _command_all(frames, parameters, starts[own], springs[own], *states, space, pull, one)
-            torques: Array = one[0, 0]
+            torques = np.empty(len(angles))
+            _command(sent, push, np.ascontiguousarray(angles), np.ascontiguousarray(speeds), torques)
             return torques
 
-        torque(0, *starts[0])  # compiled before a push begins
+        torque(0, *episode.states[0])  # compiled before a push begins
         return torque
 
 
-@compiled
-def _run(plant, models, starts, stiffness, sensors, drives, settings, work, outputs):  # type: ignore[no-untyped-def]
-    """All pushes of an episode. Fills the `outputs`; see `Record`.
+@overload(command, inline="always")
+def _command_of(law, push, position, speed, torque):  # type: ignore[no-untyped-def]
+    if class_of(law) is ArmWatch:
+        return lambda law, push, position, speed, torque: _command(law.law, push, position, speed, torque)
+    return None
 
-    `starts`: joint coordinates and speeds (npush x 2 x njoint) at the start of each push, true and as they were to be.
-    `work`: the space of the dynamics; six vectors (njoint), the pull of the springs, a jump of speeds, two sums, a
-    command, coordinates ahead; and the commands under way (delay + 1 x njoint).
-    """
-    frames, law, nominal = models
-    truly, expected = starts
-    control_every, limits, gains, torque_noise = drives
-    timestep, lead, most, ends, low, high, allowed = settings
-    space, vectors, commands = work
-    slots = commands.shape[0]
-    ran, fell, energies, motion, angles, speeds = outputs
-    n = expected.shape[2]
-    pull, jump, squares, jumps, command, ahead = vectors
-    for push in range(expected.shape[0]):
-        forget(plant)
-        for i in range(n):
-            plant.qpos[i], plant.qvel[i] = truly[push, 0, i], truly[push, 1, i]
-            squares[i] = jumps[i] = 0.0
-            for slot in range(slots):
-                commands[slot, i] = 0.0
-        start, window, step, fallen = expected[push], 0, 0, False
-        _read(plant, start, sensors, push, 0, angles[push], speeds[push])
-        while step < most:
-            before, speed_before = angles[push, step], speeds[push, step]
-            for i in range(n):
-                ahead[i] = before[i] + lead * speed_before[i]
-            fill_law(frames, law, start, stiffness[push], ahead, speed_before, pull, space, command)
-            for i in range(n):
-                commands[step % slots, i] = command[i]
-                delivered = min(max(commands[(step + 1) % slots, i], -limits[i]), limits[i])
-                plant.torque[i] = gains[i] * delivered + torque_noise[push, step, i]
-            for _ in range(control_every):
-                step_plant(plant)
-            step += 1
-            _read(plant, start, sensors, push, step, angles[push], speeds[push])
-            for i in range(n):
-                inside = low[i] <= angles[push, step, i] and angles[push, step, i] <= high[i]
-                if not (inside and abs(speeds[push, step, i]) <= allowed[i]):
-                    fallen = True
-            if fallen:
-                for i in range(n):
-                    angles[push, step, i] = speeds[push, step, i] = 0.0
-                break
-            for i in range(n):
-                jump[i] = speeds[push, step, i] - speed_before[i] - timestep * pull[i]
-                squares[i] += speed_before[i] * speed_before[i]
-                jumps[i] += jump[i] * jump[i]
-            moved, jumped = kinetic_squares(frames, nominal, space, speed_before, jump)
-            energies[push, 0] += timestep * moved
-            energies[push, 1] += jumped / timestep
-            if window < ends.shape[0] and step == ends[window]:
-                for i in range(n):
-                    motion[push, window, 0, i] = angles[push, step, i]
-                    motion[push, window, 1, i] = speeds[push, step, i]
-                    motion[push, window, 2, i] = timestep * squares[i]
-                    motion[push, window, 3, i] = jumps[i] / timestep
-                window += 1
-        ran[push], fell[push] = step, fallen
-    for i in range(n):
-        plant.torque[i] = 0.0
+
+@overload(follow, inline="always")
+def _follow_of(law, push, step, positions, speeds):  # type: ignore[no-untyped-def]
+    if class_of(law) is ArmWatch:
+        return lambda law, push, step, positions, speeds: _follow(law, push, step, positions, speeds)
+    return None
 
 
 @compiled
-def _read(plant, start, sensors, push, step, angles, speeds):  # type: ignore[no-untyped-def]
-    """Fills in what the sensors read at a step."""
-    angle_noise, speed_noise, has_speed_sensor, encoder_step, offsets, weights = sensors
-    count = weights.shape[0]
-    for i in range(start.shape[1]):
-        angle = plant.qpos[i] + offsets[i] + angle_noise[push, step, i]
-        if encoder_step > 0.0:
-            angle = np.floor(angle / encoder_step + 0.5) * encoder_step
-        angles[step, i] = angle
-        if has_speed_sensor:
-            speeds[step, i] = plant.qvel[i] + speed_noise[push, step, i]
-        elif step + 1 >= count:
-            speed = 0.0
-            for k in range(count):
-                speed += weights[k] * angles[step + 1 - count + k, i]
-            speeds[step, i] = speed
-        else:
-            speeds[step, i] = start[1, i]
+def _command(law, push, position, speed, torque):  # type: ignore[no-untyped-def]
+    own = law.starts[push], law.springs[push], position, speed
+    fill_law(law.frames, law.parameters, *own, law.pull, law.space, torque)
 
 
 @compiled
-def _command_all(frames, law, starts, stiffness, angles, speeds, space, pull, torques):  # type: ignore[no-untyped-def]
+def _follow(watch, push, step, positions, speeds):  # type: ignore[no-untyped-def]
+    (low, high, allowed), law, jump, before = watch.bounds, watch.law, watch.jump, speeds[step - 1]
+    for i in range(jump.shape[0]):
+        inside = low[i] <= positions[step, i] and positions[step, i] <= high[i]
+        if not (inside and abs(speeds[step, i]) <= allowed[i]):
+            return True
+        jump[i] = speeds[step, i] - before[i] - watch.timestep * law.pull[i]
+    moved, jumped = kinetic_squares(law.frames, watch.nominal, law.space, before, jump)
+    watch.squares[0, push] += moved
+    watch.squares[1, push] += jumped
+    return False
+
+
+@compiled
+def _command_all(law, positions, speeds, torques):  # type: ignore[no-untyped-def]
     """Fills in the torques of all steps of all pushes."""
     for push in range(torques.shape[0]):
         for step in range(torques.shape[1]):
-            position, speed, torque = angles[push, step], speeds[push, step], torques[push, step]
-            fill_law(frames, law, starts[push], stiffness[push], position, speed, pull, space, torque)
+            _command(law, push, positions[push, step], speeds[push, step], torques[push, step])
