@@ -3,68 +3,32 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
 from dataclasses import replace
-from functools import singledispatch
-from typing import Any, Protocol
+from typing import Any
 
 from metaid.compiled.faulty_loop import FaultyLoop
 from metaid.compiled.loop import CompiledLoop
 from metaid.compiled.quiet import quiet_mujoco
+from metaid.compiled.sensed_loop import SensedLoop
 from metaid.compiled.spatial.arm_loop import ArmLoop, QuickSpatial
-from metaid.compiled.stages import fastest_step
-from metaid.episode import Episode, GoesOn, Record, Spatial, StepwiseLoop, run_stepwise, same_record
+from metaid.episode import Episode, Spatial, StepwiseLoop, run_stepwise, same_record
 from metaid.plant import ArmPlant, MujocoPlant
 
 CHECKED_STEPS = 25
 
-
-class Loop(Protocol):
-    """What runs episodes on a plant: one at a time, or those of a batch that it shares with others of its kind."""
-
-    plant: Any
-    episode: Episode
-
-    def run(self, law: Any, number: int = ..., goes_on: GoesOn | None = ..., /) -> Record: ...
-    def new_batch(self, laws: Any, trials: Sequence[int], /) -> Any: ...
-    def work_on(self, batch: Any) -> None: ...
+ShortLoop = CompiledLoop | SensedLoop  # a compiled loop, which is first tried on a short episode
+Loop = ShortLoop | StepwiseLoop
 
 
-class ShortLoop(Loop, Protocol):
-    """A compiled loop, which is first tried on a short episode."""
-
-    def on(self, episode: Episode) -> ShortLoop:
-        """The same for another `episode`."""
-
-
-@singledispatch
-def compiled_loop(plant: Any, episode: Episode) -> ShortLoop | None:
+def _compiled_loop(plant: Any, episode: Episode) -> ShortLoop | None:
     """The compiled loop of a plant, which need not be right; None where it has none."""
-    return None
-
-
-@compiled_loop.register
-def _of_chain(plant: MujocoPlant, episode: Episode) -> ShortLoop:
-    step = fastest_step(plant)
+    if isinstance(plant, ArmPlant):
+        return ArmLoop(plant, episode)
+    if not isinstance(plant, MujocoPlant):
+        return None
     if plant.settings.faults.named or episode.lead or episode.readings_steps:
-        return FaultyLoop(plant, episode, step)
-    return CompiledLoop(plant, episode, step)
-
-
-@compiled_loop.register
-def _of_arm(plant: ArmPlant, episode: Episode) -> ShortLoop:
-    return ArmLoop(plant, episode)
-
-
-@singledispatch
-def quick_kind(kind: Any) -> Any:
-    """A `kind` of robot, its law at its fastest."""
-    return kind
-
-
-@quick_kind.register
-def _spatial(kind: Spatial) -> QuickSpatial:
-    return QuickSpatial(kind.nominal)
+        return FaultyLoop(plant, episode)
+    return CompiledLoop(plant, episode)
 
 
 def fastest_loop(plant: Any, episode: Episode, law: Any) -> Loop:
@@ -78,9 +42,11 @@ def fastest_loop(plant: Any, episode: Episode, law: Any) -> Loop:
         episode: what is done to it.
         law: the nominal one, by which loops are compared.
     """
-    compiled = compiled_loop(plant, episode)
+    compiled = _compiled_loop(plant, episode)
     if compiled is None:
-        return StepwiseLoop(plant, replace(episode, kind=quick_kind(episode.kind)))
+        if isinstance(episode.kind, Spatial):
+            episode = replace(episode, kind=QuickSpatial(episode.kind.nominal))
+        return StepwiseLoop(plant, episode)
     if agrees_with_stepwise(compiled, law):
         return compiled
     warnings.warn(

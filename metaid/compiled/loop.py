@@ -48,9 +48,9 @@ class CompiledLoop:
         with quiet_mujoco():
             run_from(self.step, self._start, batch.queue, batch.laws, self._settings, self._links, *results)
 
-    def run(self, candidate: Lumps, _number: int = 0, goes_on: GoesOn | None = None) -> Record:
-        """One episode with the `candidate` lumps; `goes_on` is asked after each push."""
-        batch = self.new_batch(candidate[None])
+    def run(self, law: Any, _number: int = 0, goes_on: GoesOn | None = None) -> Record:
+        """One episode with a `law`, lumps; `goes_on` is asked after each push."""
+        batch = self.new_batch(law[None])
         self.work_on(batch)
         return batch.records()[0].stopped_early(goes_on)
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Any
 
 from metaid.compiled.fastest import fastest_loop
 from metaid.compiled.quiet import quiet_mujoco
@@ -25,25 +25,8 @@ from metaid.episode import (
     spectral_hz,
 )
 from metaid.errors import EpisodeError, LostPlant
-from metaid.models import Array
-
-
-class Nominal(Protocol):
-    """A nominal model, and how candidates differ from it: `Lumps`, whose factors they are, or an `ArmPrior`, whose base
-    parameters they are.
-    """
-
-    @property
-    def njoint(self) -> int: ...
-    @property
-    def law(self) -> Any:
-        """The nominal law."""
-
-    def law_of(self, candidate: Array) -> Any:
-        """The law of a candidate (nsearched).  Raises EpisodeError where it is none."""
-
-    def laws_of(self, candidates: Array) -> Any:
-        """The laws of many candidates (ncandidate x nsearched), with a leading axis."""
+from metaid.models import Array, Lumps
+from metaid.models.tree import ArmPrior
 
 
 class Objective:
@@ -54,7 +37,8 @@ class Objective:
 
     Args:
         plant: that candidates are tried on.
-        nominal: what candidates differ from: lumps, or the prior of an arm.
+        nominal: what candidates differ from: lumps, whose factors they are, or the prior of an arm, whose base
+            parameters they are.
         episode: what is done to the plant with each candidate.
         measure: a key of `MEASURES`.
         rule: the counting rule of the measure `count`; None for its usual one.
@@ -64,7 +48,9 @@ class Objective:
             and that rule.
     """
 
-    def __init__(self, plant: Any, nominal: Nominal, episode: Episode, measure: str, rule: str | None = None) -> None:
+    def __init__(
+        self, plant: Any, nominal: Lumps | ArmPrior, episode: Episode, measure: str, rule: str | None = None
+    ) -> None:
         if not nominal.njoint == plant.njoint == episode.njoint:
             raise EpisodeError(
                 f"plant {plant.name} has {plant.njoint} joints, the nominal model {nominal.njoint}, "

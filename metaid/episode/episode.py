@@ -13,71 +13,34 @@ from typing import Any
 
 import numpy as np
 
-from metaid.episode.falls import RICH_RUNAWAY, USUAL_FALLS, FallRule
-from metaid.episode.kind import Calibrated, Kind
-from metaid.episode.planar import PLANAR
-from metaid.episode.pushed import SILENT, NoiseFloor
-from metaid.episode.spatial import Spatial
+from metaid.episode.falls import RICH_RUNAWAY, FallRule
+from metaid.episode.planar import PLANAR, Planar
+from metaid.episode.plausible import Calibration
+from metaid.episode.pushed import Pushed
+from metaid.episode.spatial import KnownStarts, Spatial
 from metaid.episode.windows import window_ends
-from metaid.errors import EpisodeError
 from metaid.models import Array
 from metaid.models.tree import Tree
 from metaid.plant import ArmStart
 
+Kind = Planar | Spatial  # how pushes begin and end, what law they follow, and what they show
+
 
 @dataclass(frozen=True, eq=False)
-class Episode:
+class Episode(Pushed):
     """What is done to a plant with every candidate.
 
     Attributes:
-        pushes: horizontal impulses at the link tips (npush x njoint), in N s; of an arm the joint speeds with which
-            pushes begin, in rad/s or m/s.
-        steps: after each push.
-        fall_rule: when a link counts as fallen; of an arm only how fast a joint runs away, for it has ranges.
-        keep_angles: whether the record keeps the joint angles.
-        stiffness: k, in 1/s², of all pushes or of each (npush): the law also asks for q̈ = −k (q − q₀), q₀ being the
-            pose of an arm at the start and the upright of a chain, so that the plant swings where it would coast
-            (Eq. 13).
-        deadband: in rad; a joint so near the upright is on neither side of it.
-        seed: of the noise of a plant with faults.
-        noise_floor: how much of it there is.
-        lead: in s, for a plant whose torques come late: the law gets the angles that the speeds lead to by then.
-        window_ends: in steps; the record keeps the motion up to each.
-        poses: joint angles (npush x njoint), in rad or m, at which pushes begin; None for the upright.
-        readings_steps: for how many steps after each push the record keeps what the sensors read.
         calibration: what was measured at a rig; readings that cannot be true end the episode.
         kind: of robot.
     """
 
-    pushes: Array
-    steps: int
-    fall_rule: FallRule = USUAL_FALLS
-    keep_angles: bool = False
-    stiffness: float | Array = 0.0
-    deadband: float = 0.0
-    seed: int = 0
-    noise_floor: NoiseFloor = SILENT
-    lead: float = 0.0
-    window_ends: tuple[int, ...] = ()
-    poses: Array | None = None
-    readings_steps: int = 0
-    calibration: Calibrated | None = None
+    calibration: Calibration | KnownStarts | None = None
     kind: Kind = PLANAR
 
     def __post_init__(self) -> None:
-        if self.steps < 1:
-            raise EpisodeError(f"steps is {self.steps} (allowed: 1 or more)")
+        super().__post_init__()
         self.kind.check_pushes(self.pushes)
-        if self.poses is not None and (self.poses.shape != self.pushes.shape or not np.isfinite(self.poses).all()):
-            raise EpisodeError("poses: every push needs one, with a finite angle, in rad, for each joint")
-        if np.shape(self.stiffness) not in ((), (self.npush,)) or not (self.springs >= 0.0).all():
-            raise EpisodeError("every push needs a stiffness, in 1/s², of 0 or more")
-
-    @property
-    def states(self) -> Array:
-        """The `poses` and the `pushes` (npush x 2 x njoint)."""
-        poses = np.zeros(self.pushes.shape) if self.poses is None else self.poses
-        return np.stack([poses, self.pushes], axis=1)
 
     @property
     def starts(self) -> list[Any]:
@@ -88,11 +51,6 @@ class Episode:
     def begins(self) -> Array:
         """Joint angles and speeds with which pushes of an arm begin (npush x 2 x njoint), as far as is known."""
         return self.states if self.calibration is None else self.calibration.begun
-
-    @property
-    def springs(self) -> Array:
-        """The stiffness of each push (npush), in 1/s²."""
-        return np.full(self.npush, self.stiffness, dtype=np.float64)
 
     def shortened(self, steps: int) -> Episode:
         """A push of each stiffness, for at most that many `steps`, with windows."""
@@ -108,18 +66,6 @@ class Episode:
             readings_steps=min(self.readings_steps, steps),
             window_ends=window_ends(steps),
         )
-
-    @property
-    def npush(self) -> int:
-        return len(self.pushes)
-
-    @property
-    def njoint(self) -> int:
-        return int(self.pushes.shape[1])
-
-    @property
-    def total_steps(self) -> int:
-        return self.steps * len(self.pushes)
 
 
 def arm_episode(nominal: Tree, starts: Sequence[ArmStart], stiffness: Array, steps: int, **more: Any) -> Episode:

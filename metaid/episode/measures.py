@@ -21,8 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.episode.episode import Episode
-from metaid.episode.kind import Kind
+from metaid.episode.episode import Episode, Kind
 from metaid.episode.kinetic import kinetic_hz
 from metaid.episode.planar import PLANAR
 from metaid.episode.record import Record

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Protocol
 
 from metaid.episode.episode import Episode
 from metaid.plant import FaultyPlant, Noise, draw, stream
@@ -13,20 +12,7 @@ RESTING = 1000  # readings of the plant at rest, which tell how far noise alone 
 DEADBAND = 5.0  # of their standard deviation: a reading so near the upright tells no side
 
 
-class Drawn(Protocol):
-    """What the noise of an episode depends on, beside the plant and the trial."""
-
-    @property
-    def npush(self) -> int: ...
-    @property
-    def steps(self) -> int:
-        """Control steps after each push."""
-
-    @property
-    def seed(self) -> int: ...
-
-
-def noise_of(plant: FaultyPlant, episode: Drawn, number: int) -> Noise:
+def noise_of(plant: FaultyPlant, episode: Episode, number: int) -> Noise:
     """The noise of an `episode` in the trial of that `number`: the same whenever, wherever, after whatever and with
     whatever candidate it is run.
     """

@@ -7,14 +7,29 @@ Differences of n readings have n, each with all of the noise.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 
-from metaid.episode.pushed import NoiseFloor
 from metaid.models import Array
 
 POWERS = (0, 1, 3)
+
+
+@dataclass(frozen=True)
+class NoiseFloor:
+    """What an episode's readings would show of a plant at rest: the `energy` ∫ q̈² dt of all pushes and joints, in
+    rad²/s³; the `frequency` that it looks like, in Hz; and the root of the standard deviation of its square, `spread`,
+    in Hz.
+    """
+
+    energy: float
+    frequency: float
+    spread: float
+
+
+SILENT = NoiseFloor(0.0, 0.0, 0.0)
 
 
 @cache

@@ -21,7 +21,8 @@ AWAY, OTHER_SPEED = 0.1, 0.2  # rad or m, and a share of the fastest joint: a st
 @dataclass(frozen=True, eq=False)
 class Spatial:
     """An arm, whose laws are parameters (njoint x 13). The mass matrix of a `nominal` arm is the metric of its motion,
-    and its joint ranges bound that. A push that falls ends there; the others are none the worse for it.
+    and its joint ranges bound that. A push that falls ends there; the others are none the worse for it. What its
+    methods are for, `Planar` says.
     """
 
     nominal: Tree
@@ -96,6 +97,7 @@ class StartCheck:
     begun: Array
 
     def begin(self, angles: Array, speeds: Array) -> None:
+        """Takes in the reading right after the push (njoint each).  Raises ImplausiblePlant."""
         allowed = (AWAY, max(AWAY, OTHER_SPEED * float(np.abs(self.begun[1]).max())))
         for what, unit, seen, known, most in zip(
             ("is at", "turns at"), ("rad", "rad/s"), (angles, speeds), self.begun, allowed, strict=True

@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.episode.episode import Episode
-from metaid.episode.kind import Check
 from metaid.episode.noise import noise_of
+from metaid.episode.plausible import PushCheck
 from metaid.episode.readings import readings_before_fall, told_times
 from metaid.episode.record import GoesOn, Motion, Record, Seen, Trajectory
+from metaid.episode.spatial import StartCheck
 from metaid.errors import AbsentPlant, ImplausiblePlant, LostPlant
 from metaid.models import Array
 from metaid.plant import FaultyPlant, SocketPlant
@@ -172,7 +173,11 @@ def record_of(
 
 
 def _watch_push(
-    plant: Any, torques: Callable[[Array, Array], Array], episode: Episode, push: int, check: Check | None
+    plant: Any,
+    torques: Callable[[Array, Array], Array],
+    episode: Episode,
+    push: int,
+    check: PushCheck | StartCheck | None,
 ) -> tuple[Array, Array, bool]:
     """Joint angles and speeds (nsteps + 1 x njoint) after a `push` of an episode under the `torques` of a law, and
     whether it fell.  Raises ImplausiblePlant as the `check` of a rig does.
