@@ -23,7 +23,7 @@ from metaid.episode.plausible import Calibration
 from metaid.episode.pushed import Pushed
 from metaid.episode.pushes import REACH, natural_time, pushed_speeds, pushes_for, rich_pushes, rich_speeds, tip_push
 from metaid.episode.readings import SensorReadings, readings_before_fall
-from metaid.episode.record import GoesOn, Record, Trajectory, same_record
+from metaid.episode.record import GoesOn, Record, Trajectory, energies, same_record
 from metaid.episode.smoothing import NoiseFloor, noise_floor
 from metaid.episode.spatial import KnownStarts, Spatial
 from metaid.episode.stepwise import StepwiseLoop, WholeEpisodes, record_of, run_stepwise

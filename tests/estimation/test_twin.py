@@ -31,7 +31,7 @@ def test_the_twin_of_the_true_chain_moves_as_mujoco_does(nlink: int, stiffness: 
     true = seen.plant.chain.lumps_of(("gravity", "coriolis", "damping"))
     unknowns = LogUnknowns(true, GRAVITY, ("gravity", "coriolis", "damping", "inertia"))
     chain = PlanarTwin(unknowns, np.zeros(len(unknowns.names)))
-    motion, (angles, is_shown) = chain.watch(trial, len(trial.ends)), chain.trace(trial, trial.ends)
+    motion, (angles, is_shown) = chain.watch(trial, len(trial.ends), energies=True), chain.trace(trial, trial.ends)
     assert is_shown.all()
     assert np.allclose(angles, trial.windows.angles, rtol=1e-9, atol=1e-10)
     for name in ("speeds", "speed_energy", "acceleration_energy"):

@@ -4,36 +4,70 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from metaid.compiled import Run, likelihood_about
-from metaid.estimation.trials import Gains
+from metaid.episode import energies
+from metaid.estimation.trials import Gains, WatchedTrial
 from metaid.models import Array
 
+UNASKED = np.empty(0)
 
-@dataclass(frozen=True)
-class Motion:
+
+class Motion(NamedTuple):
     """What the twin shows of one trial on exact sensors.
 
     Attributes:
-        speeds: of the joints at the ends of windows (npush x nwindow x njoint).
-        speed_slopes: their derivatives by the unknowns (npush x nwindow x njoint x nunknown).
+        angles: of the joints at the ends of windows (npush x nwindow x njoint).
+        speeds: likewise.
+        angle_slopes: derivatives of the first by the unknowns (npush x nwindow x njoint x nunknown).
+        speed_slopes: of the second.
+        reached: how many windows of each push the twin got through (npush).
         speed_energy: ∫ q̇² dt of each joint up to there (npush x nwindow x njoint), where it is asked for.
         acceleration_energy: ∫ (q̈ + k q)² dt, likewise.
         speed_energy_slopes: derivatives of the first (npush x nwindow x njoint x nunknown).
         acceleration_energy_slopes: of the second.
-        reached: how many windows of each push the twin got through (npush).
     """
 
+    angles: Array
     speeds: Array
+    angle_slopes: Array
     speed_slopes: Array
-    speed_energy: Array
-    acceleration_energy: Array
-    speed_energy_slopes: Array
-    acceleration_energy_slopes: Array
     reached: NDArray[np.int64]
+    speed_energy: Array = UNASKED
+    acceleration_energy: Array = UNASKED
+    speed_energy_slopes: Array = UNASKED
+    acceleration_energy_slopes: Array = UNASKED
+
+    def windows_reached(self, ends: NDArray[np.int64]) -> NDArray[np.int64]:
+        """How many windows with these `ends` (nwindow) were, where the motion is shown at every step from 0 on."""
+        return np.searchsorted(ends, self.reached - 1, side="right")
+
+
+def with_energies(every: Motion, trial: WatchedTrial, ends: NDArray[np.int64]) -> Motion:
+    """The motion at the `ends` of windows (nwindow), in steps, with energies, by that at `every` step from 0 on."""
+    angles, speeds, by_angle, by_speed = (each.swapaxes(0, 1) for each in every[:4])
+    timestep, pull = trial.timestep, np.broadcast_to(trial.stiffness, len(trial.starts))[:, None]
+    shown = energies(speeds, timestep, -pull * angles[:-1])[:, ends].swapaxes(1, 2)
+    jumps = np.diff(speeds, axis=0) + timestep * pull * angles[:-1]  # Eq. 14
+    by_pull = timestep * pull[..., None] * _summed(jumps, by_angle, ends)
+    of_jumps = (2.0 / timestep) * (_summed(jumps, np.diff(by_speed, axis=0), ends) + by_pull)
+    at_ends = speeds[ends][..., None] * by_speed[ends]
+    of_speeds = timestep * (2.0 * _summed(speeds[1:], by_speed[1:], ends) - at_ends)  # by trapezoids
+    slopes = (each.swapaxes(0, 1) for each in (of_speeds, of_jumps))
+    angles, speeds, by_angle, by_speed = (each[:, ends] for each in every[:4])
+    return Motion(angles, speeds, by_angle, by_speed, every.windows_reached(ends), *shown, *slopes)
+
+
+def _summed(one: Array, slopes: Array, ends: NDArray[np.int64]) -> Array:
+    """The sums of products with `slopes` (nstep x npush x njoint x nunknown) over the steps before each of `ends`."""
+    steps = pairwise([0, *ends.tolist()])
+    parts = [np.einsum("tpi,tpiu->piu", one[first:last], slopes[first:last]) for first, last in steps]
+    return np.cumsum(parts, axis=0)
 
 
 @dataclass(frozen=True)

@@ -23,13 +23,11 @@ def set_off(start, start_column, extra, work):  # type: ignore[no-untyped-def]
         angle, speed, below = start[0, i], start[1, i], work.below[i]
         if below >= 0:
             angle, speed = work.angle[below] + angle, work.speed[below] + speed
-        work.angle[i], work.speed[i], work.speed_energy[i], work.acceleration_energy[i] = angle, speed, 0.0, 0.0
+        work.angle[i], work.speed[i] = angle, speed
         work.start[i] = angle
         work.slip[0, i] = start[2, i] if start.shape[0] == 3 else np.sign(start[1, i])
     work.moved[:] = 0.0
     work.slipped[:] = 0.0
-    work.speed_slopes[:] = 0.0
-    work.acceleration_slopes[:] = 0.0
     for column in range(extra):
         kind, joint = divmod(start.shape[0] * n - extra + column, n)
         if kind == 2:

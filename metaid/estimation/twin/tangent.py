@@ -40,31 +40,6 @@ def _close(work):  # type: ignore[no-untyped-def]
 
 
 @fused
-def add_energy_slopes(timestep, stiffness, work):  # type: ignore[no-untyped-def]
-    """Adds what this step has of the derivatives of both energies, before it is made."""
-    angle, speed, acceleration, moved, changed = work.angle, work.speed, work.acceleration, work.moved, work.changed
-    n = angle.shape[0]
-    for i in range(n):
-        joint_speed, deviation = speed[i], acceleration[i] + stiffness * angle[i]
-        if i > 0:
-            joint_speed -= speed[i - 1]
-            deviation -= acceleration[i - 1] + stiffness * angle[i - 1]
-        twice_speed, twice_deviation = 2.0 * timestep * joint_speed, 2.0 * timestep * deviation
-        by_speed, by_deviation = work.speed_slopes[i], work.acceleration_slopes[i]
-        row, angle_row, speed_row = changed[i], moved[i], moved[n + i]
-        if i == 0:
-            for p in range(by_speed.shape[0]):
-                by_speed[p] += twice_speed * speed_row[p]
-                by_deviation[p] += twice_deviation * (row[p] + stiffness * angle_row[p])
-        else:
-            below, angle_below = changed[i - 1], moved[i - 1]
-            speed_below = moved[n + i - 1]
-            for p in range(by_speed.shape[0]):
-                by_speed[p] += twice_speed * (speed_row[p] - speed_below[p])
-                by_deviation[p] += twice_deviation * (row[p] - below[p] + stiffness * (angle_row[p] - angle_below[p]))
-
-
-@fused
 def carry(timestep, is_continuous, spread, work):  # type: ignore[no-untyped-def]
     """Moves the `step` of a filter, and how far it is `pushed` by forces that are held, on by the linearised step of
     Eq. 23.

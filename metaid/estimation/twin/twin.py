@@ -23,7 +23,7 @@ from metaid.estimation.trials import (
 )
 from metaid.estimation.twin.driven import watch_readings
 from metaid.estimation.twin.filtered import lead
-from metaid.estimation.twin.shown import Filter, Motion
+from metaid.estimation.twin.shown import Filter, Motion, with_energies
 from metaid.estimation.twin.watched import watch_push
 from metaid.estimation.twin.workspace import workspace
 from metaid.models import Array
@@ -79,43 +79,35 @@ class Twin(ABC):
         """The first so many `windows` of each push of a trial, under the same law; with `energies` and their
         derivatives, where it has them.
         """
-        wanted = np.minimum(trial.windows.seen, windows)
-        return self._watch(trial, trial.ends[:windows].copy(), wanted, energies)[0]
+        ends, wanted = trial.ends[:windows].copy(), np.minimum(trial.windows.seen, windows)
+        if not energies:
+            return self.follow(trial, ends, wanted)
+        return with_energies(self.follow(trial, np.arange(ends[-1] + 1), np.append(0, ends)[wanted] + 1), trial, ends)
 
-    def _watch(
-        self, trial: WatchedTrial, ends: NDArray[np.int64], wanted: NDArray[np.int64], energies: bool
-    ) -> tuple[Motion, Array]:
-        """The motion up to the `wanted` (npush) of the `ends` of windows, in steps, and the joint angles there (npush x
-        nwindow x njoint).
-        """
+    def follow(self, trial: WatchedTrial, ends: NDArray[np.int64], wanted: NDArray[np.int64]) -> Motion:
+        """The motion up to the `wanted` (npush) of the `ends` of windows, in steps, of which the first may be 0."""
         npush, _, n = trial.starts.shape
         nunknown, shape = len(self.point), (npush, len(ends), n)
-        shown = np.zeros((4, *shape))
-        of_energies = *shape, nunknown * energies
-        slopes = np.zeros((*shape, nunknown)), np.zeros(of_energies), np.zeros(of_energies)
+        angles, speeds, by_angle, by_speed = shown = (*np.zeros((2, *shape)), *np.zeros((2, *shape, nunknown)))
         reached, stiffness = np.zeros(npush, dtype=np.int64), np.broadcast_to(trial.stiffness, npush)
         balance, derivatives = self.under_law(trial)
 
         def run(pushes: Iterator[int]) -> None:
-            room = workspace(*self.space, nunknown, energies)
+            room = workspace(*self.space, nunknown)
             for push in pushes:
-                own = balance._replace(stiffness=float(stiffness[push]))
-                seen = tuple(each[push] for each in shown), tuple(each[push] for each in slopes)
-                settings = (trial.timestep, energies), ends[: wanted[push]]
-                reached[push] = watch_push(trial.starts[push], NO_FORCES, own, derivatives, *settings, room, *seen)
+                own, seen = balance._replace(stiffness=float(stiffness[push])), tuple(each[push] for each in shown)
+                settings = derivatives, trial.timestep, ends[: wanted[push]], room, seen
+                reached[push] = watch_push(trial.starts[push], NO_FORCES, own, *settings)
 
         share_out(run, npush, npush * int(ends[-1]) * 2 * n * n * max(nunknown, 1))
-        by_speed, by_speed_energy, by_acceleration_energy = slopes
-        by_energies = by_speed_energy, by_acceleration_energy
-        return Motion(shown[1], self.by_unknowns(by_speed), shown[2], shown[3], *by_energies, reached), shown[0]
+        return Motion(angles, speeds, self.by_unknowns(by_angle), self.by_unknowns(by_speed), reached)
 
     def trace(self, trial: WatchedTrial, steps: NDArray[np.int64]) -> tuple[Array, NDArray[np.bool_]]:
         """Joint coordinates after so many `steps` of each push of a trial (npush x nsteps x njoint), under the same
         law, and whether the push was seen so far and the twin got there (npush x nsteps).
         """
-        wanted = (steps <= trial.last[:, None]).sum(axis=1)
-        motion, angles = self.alone._watch(trial, steps, wanted, False)
-        return angles, np.arange(len(steps)) < motion.reached[:, None]
+        motion = self.alone.follow(trial, steps, (steps <= trial.last[:, None]).sum(axis=1))
+        return motion.angles, np.arange(len(steps)) < motion.reached[:, None]
 
     def drive(
         self,

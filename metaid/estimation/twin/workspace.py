@@ -36,29 +36,24 @@ class Workspace(NamedTuple):
     """What one thread works in, for n joints and p unknowns; rows and columns beyond are zero.
 
     The state, in the kernel's coordinates: `angle`, `speed`, `acceleration`, and the angle at the `start` (n).
-    `speed_energy` and `acceleration_energy` (n) of the joints so far. `solved` (n x 3 n): M⁻¹ [1 G H]. `closed`
-    (n x 2 n): the last two of these. `moved` (2 n x p): δφ above δω. `changed` (n x p): δα. `speed_slopes`,
-    `acceleration_slopes` (n x p): derivatives of the energies. `stages` (4 x n): of a Runge-Kutta step the state before
-    it, angles and speeds, and what it adds to them; `held` and `added` (2 n x p): the same of the derivatives. `slip`
-    (4 x n): of dry friction its share of all of it before the step, where the joint was then, in rad, the share now,
-    and its derivative by that before; `slipped` (n x p): derivatives of the first. `teeth` (2 x n): cosine and sine
-    of the phase of cogging. `units` (KINDS): of one joint, see `beside`. `twist` (n x p): the derivatives of the
-    torques in joints, and `levers` (n x n) what each link accelerates by with one. `free` (n) is free
-    to write in. `below` (n): the link whose angle a joint's own is beside, -1 for none. `own` is the kernel's.
+    `solved` (n x 3 n): M⁻¹ [1 G H]. `closed` (n x 2 n): the last two of these. `moved` (2 n x p): δφ above δω.
+    `changed` (n x p): δα. `stages` (4 x n): of a Runge-Kutta step the state before it, angles and speeds, and what it
+    adds to them; `held` and `added` (2 n x p): the same of the derivatives. `slip` (4 x n): of dry friction its share
+    of all of it before the step, where the joint was then, in rad, the share now, and its derivative by that before;
+    `slipped` (n x p): derivatives of the first. `teeth` (2 x n): cosine and sine of the phase of cogging. `units`
+    (KINDS): of one joint, see `beside`. `twist` (n x p): the derivatives of the torques in joints, and `levers` (n x n)
+    what each link accelerates by with one. `free` (n) is free to write in. `below` (n): the link whose angle a joint's
+    own is beside, -1 for none. `own` is the kernel's.
     """
 
     angle: Array
     speed: Array
     acceleration: Array
     start: Array
-    speed_energy: Array
-    acceleration_energy: Array
     solved: Array
     closed: Array
     moved: Array
     changed: Array
-    speed_slopes: Array
-    acceleration_slopes: Array
     stages: Array
     held: Array
     added: Array
@@ -73,35 +68,28 @@ class Workspace(NamedTuple):
     own: Any
 
 
-def workspace(
-    below: NDArray[np.int64], own: Any, nunknown: int, energies: bool = False, is_continuous: bool = False
-) -> Workspace:
+def workspace(below: NDArray[np.int64], own: Any, nunknown: int, is_continuous: bool = False) -> Workspace:
     """Working space for a twin.
 
     Args:
         below: the link whose angle a joint's own is beside (njoint), -1 for none.
         own: the kernel's.
         nunknown: the number of unknowns.
-        energies: whether their derivatives are kept, too.
         is_continuous: whether it takes Runge-Kutta steps.
     """
     n = len(below)
     rows, inner, columns = whole(n, BLOCK), whole(2 * n, BLOCK), whole(nunknown, LANES)
-    of_energies, of_stages = (n * energies, columns), (inner, columns * is_continuous)
-    angle, speed, acceleration, start, speed_energy, acceleration_energy, free = (np.zeros(n) for _ in range(7))
+    of_stages = inner, columns * is_continuous
+    angle, speed, acceleration, start, free = np.zeros((5, n))
     return Workspace(
         angle,
         speed,
         acceleration,
         start,
-        speed_energy,
-        acceleration_energy,
         solved=np.zeros((n, 3 * n)),
         closed=np.zeros((rows, inner)),
         moved=np.zeros((inner, columns)),
         changed=np.zeros((rows, columns)),
-        speed_slopes=np.zeros(of_energies),
-        acceleration_slopes=np.zeros(of_energies),
         stages=np.zeros((4, n)),
         held=np.zeros(of_stages),
         added=np.zeros(of_stages),
