@@ -28,10 +28,12 @@ def flow(step, forces, balance, derivatives, spread, timestep, is_continuous, wo
         is_continuous: whether by four stages, or by one step of Euler's.
         work: see `workspace`.
     """
+    for i in range(work.force.shape[0]):
+        work.force[i] = forces[step, i]
     if is_continuous:
         _begin(derivatives, work)
     for stage in range(4 if is_continuous else 1):
-        if not accelerate(step, forces, balance, work):
+        if not accelerate(balance, work):
             return False
         if spread is not None:  # noqa: SIM102 - numba leaves out what is asked by itself
             if stage == 0:

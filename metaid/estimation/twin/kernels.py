@@ -15,14 +15,9 @@ from metaid.estimation.twin import planar_motion, planar_slopes, spatial_motion,
 from metaid.estimation.twin.planar_motion import PlanarBalance
 
 
-def accelerate(step: Any, forces: Any, balance: Any, work: Any) -> Any:
-    """Fills in α and the factors of M; whether M is positive definite.
-
-    Args:
-        step: that begins, from 0.
-        forces: that act beside the law at each step (nstep x njoint), in N m; or empty.
-        balance: what the motion follows from, of a kernel.
-        work: with the state.
+def accelerate(balance: Any, work: Any) -> Any:
+    """Fills in α and the factors of M, by the `balance` that the motion follows from and the state; whether M is
+    positive definite, as that of any robot is.
     """
     raise NotImplementedError
 
@@ -43,10 +38,10 @@ def turn_base(balance: Any, beside: Any, work: Any) -> Any:
 
 
 @overload(accelerate, inline="always")
-def _accelerate(step, forces, balance, work):  # type: ignore[no-untyped-def]
+def _accelerate(balance, work):  # type: ignore[no-untyped-def]
     if class_of(balance) is PlanarBalance:
-        return lambda step, forces, balance, work: planar_motion.accelerate(step, forces, balance, work)
-    return lambda step, forces, balance, work: spatial_motion.accelerate(step, forces, balance, work)
+        return lambda balance, work: planar_motion.accelerate(balance, work)
+    return lambda balance, work: spatial_motion.accelerate(balance, work)
 
 
 @overload(linearise, inline="always")

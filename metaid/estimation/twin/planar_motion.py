@@ -69,13 +69,12 @@ class PlanarDerivatives(NamedTuple):
 
 class PlanarSpace(NamedTuple):
     """What a planar kernel works in: `cosine` and `sine` of the true angles (n); `factors` (n x n), L and D of
-    M = L D Lᵀ; `pulls` (2 n x n), see `planar_slopes`.
+    M = L D Lᵀ.
     """
 
     cosine: Array
     sine: Array
     factors: Array
-    pulls: Array
 
 
 def planar_balance(
@@ -141,30 +140,22 @@ def planar_derivatives(unknowns: LogUnknowns, lumps: Lumps, further: Further = N
 
 def planar_space(nlink: int) -> tuple[NDArray[np.int64], PlanarSpace]:
     """The link below each joint (nlink), and what the kernel works in."""
-    own = PlanarSpace(np.zeros(nlink), np.zeros(nlink), np.zeros((nlink, nlink)), np.zeros((2 * nlink, nlink)))
-    return np.arange(-1, nlink - 1), own
+    return np.arange(-1, nlink - 1), PlanarSpace(np.zeros(nlink), np.zeros(nlink), np.zeros((nlink, nlink)))
 
 
 @compiled
-def accelerate(step, forces, balance, work):  # type: ignore[no-untyped-def]
-    """Fills in α of Eq. 22 and the factors of M; whether M is positive definite, as that of any chain is.
-
-    Args:
-        step: that begins, from 0.
-        forces: Q of Eq. 22 at each step (nstep x njoint), in N m; or empty.
-        balance: what the motion follows from.
-        work: with the state.
-    """
+def accelerate(balance, work):  # type: ignore[no-untyped-def]
+    """Fills in α of Eq. 22 and the factors of M; whether M is positive definite."""
     angle, cosine, sine = work.angle, work.own.cosine, work.own.sine
     for i in range(angle.shape[0]):
         true_angle = angle[i] + balance.lean[i]
         cosine[i], sine[i] = np.cos(true_angle), np.sin(true_angle)
-    _force(step, forces, balance, work)
+    _force(balance, work)
     return _solve(balance, work)
 
 
 @compiled
-def _force(step, forces, balance, work):  # type: ignore[no-untyped-def]
+def _force(balance, work):  # type: ignore[no-untyped-def]
     """Fills `acceleration` with F of Eq. 22."""
     angle, speed, force, cosine, sine = work.angle, work.speed, work.acceleration, work.own.cosine, work.own.sine
     n, stiffness = angle.shape[0], balance.stiffness
@@ -172,9 +163,8 @@ def _force(step, forces, balance, work):  # type: ignore[no-untyped-def]
     for i in range(n - 1, -1, -1):
         own = joint_force(i, balance, work)
         force[i] = own - carried - balance.gravity[i] * sine[i] - stiffness * balance.law_inertia[i] * angle[i]
+        force[i] += work.force[i]
         carried = own
-        if forces.shape[0] > 0:
-            force[i] += forces[step, i]
         for j in range(n):
             difference = sine[i] * cosine[j] - cosine[i] * sine[j]
             force[i] += balance.coriolis[i, j] * difference * speed[j] * speed[j]

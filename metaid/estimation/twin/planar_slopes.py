@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from metaid.compiled import fused
-from metaid.estimation.twin.joints import slopes_of_joints
+from metaid.estimation.twin.joints import joint_state, slopes_of_joints
 from metaid.models import SLIDING
 
 
@@ -12,20 +12,25 @@ def linearise(balance, work):  # type: ignore[no-untyped-def]
     """Fills `solved` (nlink x 3 nlink) with M⁻¹ [1 G H]."""
     _slopes_of_forces(balance, work)
     slopes_of_joints(balance, work)
-    factors, solved = work.own.factors, work.solved
+    _solve_rows(work.own.factors, work.solved)
+
+
+@fused
+def _solve_rows(factors, rows):  # type: ignore[no-untyped-def]
+    """Replaces `rows` (nlink x any) by the solution of L D Lᵀ x = rows."""
     n = factors.shape[0]
     for i in range(n):
-        row = solved[i]
+        row = rows[i]
         for k in range(i):
-            factor, other = factors[i, k], solved[k]
+            factor, other = factors[i, k], rows[k]
             for p in range(row.shape[0]):
                 row[p] -= factor * other[p]
     for i in range(n - 1, -1, -1):
-        row, scale = solved[i], 1.0 / factors[i, i]
+        row, scale = rows[i], 1.0 / factors[i, i]
         for p in range(row.shape[0]):
             row[p] *= scale
         for k in range(i + 1, n):
-            factor, other = factors[k, i], solved[k]
+            factor, other = factors[k, i], rows[k]
             for p in range(row.shape[0]):
                 row[p] -= factor * other[p]
 
@@ -54,60 +59,45 @@ def _slopes_of_forces(balance, work):  # type: ignore[no-untyped-def]
 @fused
 def force_by_unknowns(derivatives, work):  # type: ignore[no-untyped-def]
     """Fills `changed` (nlink x nunknown) with M⁻¹ Y. What is known has the column −1."""
-    speed, acceleration, sine = work.speed, work.acceleration, work.own.sine
+    acceleration, sine, changed, n = work.acceleration, work.own.sine, work.changed, work.angle.shape[0]
     gravity_column, length_column, inertia_column, damping_column, coulomb_column, begin = derivatives.columns
-    n = speed.shape[0]
-    _pull_by_coriolis(derivatives, work)
-    work.changed[:] = 0.0
-    for r in range(n):
-        row, inverse = work.changed[r], work.solved[r]
-        for i in range(n):
-            if gravity_column >= 0:
-                row[gravity_column + i] += inverse[i] * sine[i] * derivatives.gravity[i]
-            if inertia_column >= 0:
-                row[inertia_column + i] -= inverse[i] * acceleration[i] * derivatives.inertia[i]
-            if begin >= 0 and i < n - 1:
-                by_length = _add_pulls(i, inverse, work.own.pulls, row[begin + i + 1 : begin + n])
-                if length_column >= 0:
-                    row[length_column + i] += by_length
-            if damping_column >= 0 or coulomb_column >= 0:
-                joint_speed, lever = speed[i], inverse[i]
-                if i > 0:
-                    joint_speed -= speed[i - 1]
-                    lever -= inverse[i - 1]
-                if damping_column >= 0:
-                    row[damping_column + i] -= lever * joint_speed * derivatives.damping[i]
-                if coulomb_column >= 0:
-                    share = min(max(joint_speed * (1.0 / SLIDING), -1.0), 1.0)
-                    row[coulomb_column + i] -= lever * share * derivatives.coulomb[i]
-
-
-@fused
-def _add_pulls(i, inverse, pulls, by_gravity):  # type: ignore[no-untyped-def]
-    """Adds what the lumps a_ij of link i do to one link, by its row of the `inverse` of M, to the derivatives
-    `by_gravity` lumps j > i (nlink − 1 − i); returns their sum, the derivative by the length of link i.
-    """
-    n, total = inverse.shape[0] // 3, 0.0
-    own, other = pulls[i, i + 1 :], pulls[n + i, i + 1 :]
-    outer, weight = inverse[i + 1 : n], inverse[i]
-    for p in range(by_gravity.shape[0]):
-        pull = weight * own[p] + outer[p] * other[p]
-        by_gravity[p] += pull
-        total += pull
-    return total
-
-
-@fused
-def _pull_by_coriolis(derivatives, work):  # type: ignore[no-untyped-def]
-    """Fills `pulls` (2 nlink x nlink): in row i what the lumps a_ij, i < j, turn link i with, and nlink rows below
-    what they turn link j with.
-    """
-    speed, acceleration, cosine, sine = work.speed, work.acceleration, work.own.cosine, work.own.sine
-    n = speed.shape[0]
+    changed[:] = 0.0
     for i in range(n):
-        for j in range(i + 1, n):
-            lump = derivatives.coriolis[i, j]
-            difference = sine[i] * cosine[j] - cosine[i] * sine[j]
-            common = cosine[i] * cosine[j] + sine[i] * sine[j]
-            work.own.pulls[i, j] = -lump * (difference * speed[j] * speed[j] + common * acceleration[j])
-            work.own.pulls[n + i, j] = lump * (difference * speed[i] * speed[i] - common * acceleration[i])
+        if gravity_column >= 0:
+            changed[i, gravity_column + i] += sine[i] * derivatives.gravity[i]
+        if inertia_column >= 0:
+            changed[i, inertia_column + i] -= acceleration[i] * derivatives.inertia[i]
+        if begin >= 0:
+            _pull_by_coriolis(i, begin, length_column, derivatives, work)
+        speed = joint_state(i, work)[1]
+        if damping_column >= 0:
+            _rub(i, speed * derivatives.damping[i], damping_column, changed)
+        if coulomb_column >= 0:
+            share = min(max(speed * (1.0 / SLIDING), -1.0), 1.0)
+            _rub(i, share * derivatives.coulomb[i], coulomb_column, changed)
+    _solve_rows(work.own.factors, changed)
+
+
+@fused
+def _rub(i, torque, column, changed):  # type: ignore[no-untyped-def]
+    """Takes a `torque` in joint i, whose unknown stands there behind the `column` of the first, from `changed`."""
+    changed[i, column + i] -= torque
+    if i > 0:
+        changed[i - 1, column + i] += torque
+
+
+@fused
+def _pull_by_coriolis(i, gravity_column, length_column, derivatives, work):  # type: ignore[no-untyped-def]
+    """Adds to `changed` what the lumps a_ij, i < j, pull links i and j with: by gravity lump j, and by length i."""
+    speed, acceleration, cosine, sine = work.speed, work.acceleration, work.own.cosine, work.own.sine
+    for j in range(i + 1, speed.shape[0]):
+        lump = derivatives.coriolis[i, j]
+        difference = sine[i] * cosine[j] - cosine[i] * sine[j]
+        common = cosine[i] * cosine[j] + sine[i] * sine[j]
+        own = -lump * (difference * speed[j] * speed[j] + common * acceleration[j])
+        other = lump * (difference * speed[i] * speed[i] - common * acceleration[i])
+        work.changed[i, gravity_column + j] += own
+        work.changed[j, gravity_column + j] += other
+        if length_column >= 0:
+            work.changed[i, length_column + i] += own
+            work.changed[j, length_column + i] += other

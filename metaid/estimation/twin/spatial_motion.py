@@ -154,23 +154,14 @@ def spatial_space(njoint: int) -> tuple[NDArray[np.int64], SpatialSpace]:
 
 
 @compiled
-def accelerate(step, forces, balance, work):  # type: ignore[no-untyped-def]
-    """Fills in q̈ and the factor of M; whether M is positive definite, as that of any arm is.
-
-    Args:
-        step: that begins, from 0.
-        forces: that act beside the law at each step (nstep x njoint), in N m or N; or empty.
-        balance: what the motion follows from.
-        work: with the state.
-    """
+def accelerate(balance, work):  # type: ignore[no-untyped-def]
+    """Fills in q̈ and the factor of M; whether M is positive definite."""
     own = work.own
     place(balance, work)
     # The torque that the law leaves, dry friction of the arm apart, is that of the difference.  Eq. 58
     accelerating_torques(balance.frames, balance.difference, own.position, work.speed, own.pull, own.space, own.force)
     for i in range(own.force.shape[0]):
-        own.force[i] += joint_force(i, balance, work)
-        if forces.shape[0] > 0:
-            own.force[i] += forces[step, i]
+        own.force[i] += joint_force(i, balance, work) + work.force[i]
     fill_mass_matrix(balance.frames, balance.parameters, own.space)
     if not (_solve_with_friction(balance, work) if balance.softness.shape[0] > 0 else _solve_freely(work)):
         return False

@@ -28,8 +28,6 @@ from metaid.estimation.twin.watched import watch_push
 from metaid.estimation.twin.workspace import workspace
 from metaid.models import Array
 
-NO_FORCES = np.empty((0, 0))  # beside the law
-
 
 @dataclass(frozen=True, eq=False)
 class Twin(ABC):
@@ -97,7 +95,7 @@ class Twin(ABC):
             for push in pushes:
                 own, seen = balance._replace(stiffness=float(stiffness[push])), tuple(each[push] for each in shown)
                 settings = derivatives, trial.timestep, ends[: wanted[push]], room, seen
-                reached[push] = watch_push(trial.starts[push], NO_FORCES, own, *settings)
+                reached[push] = watch_push(trial.starts[push], own, *settings)
 
         share_out(run, npush, npush * int(ends[-1]) * 2 * n * n * max(nunknown, 1))
         return Motion(angles, speeds, self.by_unknowns(by_angle), self.by_unknowns(by_speed), reached)

@@ -13,12 +13,11 @@ from metaid.estimation.twin.tangent import accelerate_tangent, move_tangent
 
 
 @compiled
-def watch_push(start, forces, balance, derivatives, timestep, ends, work, shown):  # type: ignore[no-untyped-def]
+def watch_push(start, balance, derivatives, timestep, ends, work, shown):  # type: ignore[no-untyped-def]
     """Runs one push; returns how many of the `ends` it got to.
 
     Args:
         start: joint angles and speeds (2 x njoint) right after the push, in rad and rad/s.
-        forces: that act beside the law at each step (nstep x njoint), in N m; or empty.
         balance, derivatives: of a kernel.
         work: see `workspace`.
         timestep: in s.
@@ -31,7 +30,7 @@ def watch_push(start, forces, balance, derivatives, timestep, ends, work, shown)
     set_off(start, 0, 0, work)
     for step in range(ends[-1] + 1 if ends.shape[0] > 0 else 0):
         if step > 0:
-            if not accelerate(step - 1, forces, balance, work):
+            if not accelerate(balance, work):
                 return window
             if work.moved.shape[1] > 0:
                 linearise(balance, work)

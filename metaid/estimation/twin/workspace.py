@@ -35,7 +35,8 @@ class Beside(NamedTuple):
 class Workspace(NamedTuple):
     """What one thread works in, for n joints and p unknowns; rows and columns beyond are zero.
 
-    The state, in the kernel's coordinates: `angle`, `speed`, `acceleration`, and the angle at the `start` (n).
+    The state, in the kernel's coordinates: `angle`, `speed`, `acceleration`, and the angle at the `start` (n); `force`
+    (n), in N m or N, that acts beside the law.
     `solved` (n x 3 n): M⁻¹ [1 G H]. `closed` (n x 2 n): the last two of these. `moved` (2 n x p): δφ above δω.
     `changed` (n x p): δα. `stages` (4 x n): of a Runge-Kutta step the state before it, angles and speeds, and what it
     adds to them; `held` and `added` (2 n x p): the same of the derivatives. `slip` (4 x n): of dry friction its share
@@ -50,6 +51,7 @@ class Workspace(NamedTuple):
     speed: Array
     acceleration: Array
     start: Array
+    force: Array
     solved: Array
     closed: Array
     moved: Array
@@ -80,12 +82,13 @@ def workspace(below: NDArray[np.int64], own: Any, nunknown: int, is_continuous: 
     n = len(below)
     rows, inner, columns = whole(n, BLOCK), whole(2 * n, BLOCK), whole(nunknown, LANES)
     of_stages = inner, columns * is_continuous
-    angle, speed, acceleration, start, free = np.zeros((5, n))
+    angle, speed, acceleration, start, force, free = np.zeros((6, n))
     return Workspace(
         angle,
         speed,
         acceleration,
         start,
+        force,
         solved=np.zeros((n, 3 * n)),
         closed=np.zeros((rows, inner)),
         moved=np.zeros((inner, columns)),
