@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -48,7 +48,6 @@ class BaseUnknowns:
     known: Array | None = None
     moved: Tree | None = None
 
-    kernel: ClassVar[Literal["spatial"]] = "spatial"
     kinds: ClassVar[tuple[str, ...]] = ("damping", "coulomb", "rotor")  # these are among the base parameters
     builds_up: ClassVar[bool] = True
     tilts: ClassVar[int] = 2  # a base turns about two horizontal axes

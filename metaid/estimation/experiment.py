@@ -84,7 +84,7 @@ class Experiment:
 
     def trial(self, candidate: Array, outcome: Outcome) -> Any:
         """A `SeenTrial`: the law of a `candidate`, and what was seen of it; None where nothing of it is known."""
-        law = self.laws.law(candidate)
+        law: Any = self.laws.law(candidate)
         if self.loop is None:
             shown = outcome.windows
             return None if shown is None else WatchedTrial(law, self.timestep, self.starts, shown, self.stiffness)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
 
 import numpy as np
 
@@ -19,26 +18,6 @@ PROBED = 1.6, 2.6  # factors of the gravity lumps in a probe, drawn at random
 PROBED_ROUGHLY = 5.0, 7.0
 
 
-class Laws(Protocol):
-    """The laws by the numbers of a candidate."""
-
-    def law(self, candidate: Array, /) -> Any:
-        """That of a `candidate` (n)."""
-
-    def candidate(self, estimate: Any, /) -> Array:
-        """The candidate (n) whose law an `estimate` has."""
-
-    def probe(self, start: Array, random: np.random.Generator | None, is_rough: bool, /) -> Array:
-        """A candidate (n) whose law shows much, from that of the `start`: the first time the same, then at `random`;
-        where the noise of torques `is_rough`, beside that.
-        """
-
-    def commanded(self, law: Any, angles: Array, speeds: Array, /) -> Array:
-        """The joint torques (npush x nstep x njoint), in N m, that a `law` makes of what it acted on: joint coordinates
-        and speeds (npush x nstep + 1 x njoint each). None follows from the last.
-        """
-
-
 @dataclass(frozen=True, eq=False)
 class ChainLaws:
     """Lumps: a candidate is factors (nlump) of those of the `nominal` chain. `gravity` in m/s²."""
@@ -47,21 +26,28 @@ class ChainLaws:
     gravity: float
 
     def law(self, candidate: Array) -> Lumps:
+        """That of a `candidate` (n)."""
         return self.nominal.scaled(candidate)
 
     def candidate(self, estimate: Estimate) -> Array:
+        """The candidate (n) whose law an `estimate` has."""
         searched = self.nominal.searched
         factors: Array = estimate.lumps.vector_of(searched) / self.nominal.vector_of(searched)
         return factors
 
     def probe(self, start: Array, random: np.random.Generator | None, is_rough: bool) -> Array:
-        """One that over-compensates: larger gravity lumps, the first time by the same factor."""
+        """A candidate (n) whose law shows much, from that of the `start`; where the noise of torques `is_rough`, beside
+        that. It over-compensates, with larger gravity lumps, the first time by the same factor, then at `random`.
+        """
         probed, nlink = PROBED_ROUGHLY if is_rough else PROBED, self.nominal.nlink
         factors = start.copy()
         factors[:nlink] *= OVER_COMPENSATED if random is None else random.uniform(*probed, nlink)
         return factors
 
     def commanded(self, law: Lumps, angles: Array, speeds: Array) -> Array:
+        """The joint torques (npush x nstep x njoint), in N m, that a `law` makes of what it acted on: joint coordinates
+        and speeds (npush x nstep + 1 x njoint each). None follows from the last.
+        """
         return compensation_torque(law, angles[:, :-1], speeds[:, :-1], self.gravity)
 
 
@@ -88,3 +74,6 @@ class ArmLaws:
 
     def commanded(self, law: Array, angles: Array, speeds: Array) -> Array:
         return commanded_arm_torques(self.searched.frames, law, self.episode, angles, speeds)
+
+
+Laws = ChainLaws | ArmLaws  # by the numbers of a candidate

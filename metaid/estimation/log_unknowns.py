@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -54,7 +54,6 @@ class LogUnknowns:
     lengths: Array | None = None
     spread: float = 0.3
 
-    kernel: ClassVar[Literal["planar"]] = "planar"
     tilts: ClassVar[int] = 1  # a base turns in the plane
     builds_up: ClassVar[bool] = False
     leads_on: ClassVar[bool] = False

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, ClassVar, Literal, Protocol
+from typing import Any, ClassVar, Protocol
 
 from metaid.models import Array
 
@@ -29,10 +29,6 @@ class Unknowns(Protocol):
     least_gain: ClassVar[float]
     rounding: ClassVar[float]
     scale: ClassVar[float]
-
-    @property
-    def kernel(self) -> Literal["planar", "spatial"]:
-        """Which twin it has."""
 
     @property
     def names(self) -> list[str]:

@@ -1,12 +1,10 @@
 """The simulated twin of a robot, and the derivatives of what it shows by all that is unknown.
 
-`twin_of(unknowns, point)` moves by a planar or a spatial kernel, whichever the unknowns have. `watch` shows windows of
-a trial on exact sensors, `drive` the readings of a noisy one, `lead` a filter through these.
+`twin_of(unknowns, point)` moves by a planar kernel where the unknowns are those of a chain, else by a spatial one.
+`watch` shows windows of a trial on exact sensors, `drive` the readings of a noisy one, `lead` a filter through these.
 """
 
-from collections.abc import Callable
-from typing import Any
-
+from metaid.estimation.log_unknowns import LogUnknowns
 from metaid.estimation.twin.planar import PlanarTwin
 from metaid.estimation.twin.shown import Filter, Motion
 from metaid.estimation.twin.spatial import SpatialTwin
@@ -14,9 +12,7 @@ from metaid.estimation.twin.twin import Twin
 from metaid.estimation.unknowns import Unknowns
 from metaid.models import Array
 
-TWINS: dict[str, Callable[[Any, Array], Twin]] = {"planar": PlanarTwin, "spatial": SpatialTwin}
-
 
 def twin_of(unknowns: Unknowns, point: Array) -> Twin:
     """The twin of a robot with these `unknowns` at a `point` (nunknown)."""
-    return TWINS[unknowns.kernel](unknowns, point)
+    return (PlanarTwin if isinstance(unknowns, LogUnknowns) else SpatialTwin)(unknowns, point)
