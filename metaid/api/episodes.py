@@ -115,7 +115,7 @@ def arm_push(
     Raises:
         EpisodeError: it has no such base parameter, or does not report what it is.
     """
-    from metaid.compiled import law_of, push_arm
+    from metaid.compiled import push_arm
 
     if plant.true_parameters() is None:
         raise EpisodeError(
@@ -125,7 +125,8 @@ def arm_push(
     _refuse_no_factors(factors)
     prior = EstimateSettings().prior
     law = plant.tree if nominal is None else drawn_nominal(plant.tree, nominal, prior)
-    return push_arm(plant, law_of(ArmPrior(law, prior), dict(factors)), steps or ARM_STEPS, seed)
+    known = ArmPrior(law, prior)
+    return push_arm(plant, known.parameters_at(known.scaled(dict(factors))), steps or ARM_STEPS, seed)
 
 
 def evaluate(study: str | Path | StudySpec, factors: Mapping[str, float] | None = None) -> Outcome:

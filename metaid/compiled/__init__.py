@@ -3,7 +3,7 @@
 `Objective` evaluates candidates with the fastest loop that a plant has. numba and MuJoCo are loaded with this package.
 """
 
-from metaid.compiled.arm_push import ArmPush, law_of, push_arm
+from metaid.compiled.arm_push import ArmPush, push_arm
 from metaid.compiled.decorator import compiled, fused
 from metaid.compiled.fastest import agrees_with_stepwise, fastest_loop
 from metaid.compiled.faulty_loop import FaultyLoop

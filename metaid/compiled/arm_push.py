@@ -12,7 +12,6 @@ from metaid.compiled.fastest import fastest_loop
 from metaid.episode import MEASURES, Spatial, arm_episode
 from metaid.errors import EpisodeError
 from metaid.models import Array
-from metaid.models.tree import ArmPrior
 from metaid.plant import ArmPlant
 from metaid.plant.description import draw_starts
 
@@ -90,13 +89,6 @@ class ArmPush:
                 for i, name in enumerate(self.joints)
             ],
         }
-
-
-def law_of(prior: ArmPrior, factors: dict[str, float]) -> Array:
-    """The parameters (njoint x 13) of an arm whose base parameters are `factors` of the nominal ones, by name; `all`
-    is of all of them.  Raises EpisodeError where there are none of that name.
-    """
-    return prior.parameters_at(prior.scaled(factors))
 
 
 def push_arm(plant: ArmPlant, law: Array, steps: int, seed: int = 0) -> ArmPush:

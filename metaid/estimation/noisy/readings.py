@@ -12,6 +12,7 @@ from functools import cached_property
 from typing import ClassVar, TypeVar
 
 import numpy as np
+from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
 from metaid.compiled import share_out
@@ -28,7 +29,6 @@ from metaid.estimation.noisy.polynomials import (
     polynomial_windows,
     together,
 )
-from metaid.estimation.noisy.smoothed import smoothed
 from metaid.estimation.trials import (
     NOTHING_FURTHER,
     Coefficients,
@@ -43,6 +43,7 @@ from metaid.estimation.twin import Twin, twin_of
 from metaid.estimation.unknowns import Unknowns
 from metaid.models import Array
 
+DEGREE = 9  # of the polynomials that smooth the angles of a push
 DRAWN = 100  # readings of a push that a replay keeps
 
 Seen = TypeVar("Seen")
@@ -165,9 +166,18 @@ class Readings:
 
     def motion(self, number: int) -> tuple[Array, Array]:
         """Angles, in rad, and speeds, in rad/s, of the joints at each step of a trial (npush x nstep x njoint), as far
-        as its readings tell; zeros after a fall.
+        as a polynomial of each push has them; zeros after a fall.
         """
-        return smoothed(self.trials[number])
+        trial = self.trials[number]
+        angles, speeds = np.zeros_like(trial.torques), np.zeros_like(trial.torques)
+        for push, steps in enumerate(trial.steps.tolist()):
+            if steps < 2:
+                continue
+            times, horizon = np.linspace(-1.0, 1.0, steps + 1), steps * trial.timestep * trial.substeps
+            fitted = legendre.legfit(times, trial.readings[push, : steps + 1], min(DEGREE, steps // 2))
+            angles[push, :steps] = legendre.legval(times[:-1], fitted).T
+            speeds[push, :steps] = legendre.legval(times[:-1], legendre.legder(fitted)).T * (2.0 / horizon)
+        return angles, speeds
 
     def replay(self, number: int, point: Array) -> Replay:
         """The trial of that `number`, some of its readings left out, and the twin at a `point` in its place."""
