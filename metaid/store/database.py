@@ -26,6 +26,8 @@ from metaid.errors import StorageError, UnreachableError, unknown
 from metaid.models import Array
 from metaid.store.opening import open_storage
 from metaid.store.optuna_tables import (
+    STUDY_TABLES,
+    TRIAL_TABLES,
     StudyDirectionModel,
     StudyModel,
     StudySystemAttributeModel,
@@ -33,7 +35,7 @@ from metaid.store.optuna_tables import (
     TrialModel,
     unreadable,
 )
-from metaid.store.ownership import DIGEST, STUDY_TABLES, TRIAL_TABLES, End, digest_of, end_of, remove_orphans
+from metaid.store.ownership import DIGEST, End, digest_of, end_of, remove_orphans
 from metaid.store.reading import JOINTS_KEY, StoredTrials, read_trials
 from metaid.store.rows import IDS_AFTER, detail_rows, head_rows, shown_trial
 from metaid.store.server import does_not_answer, missing_driver, parsed_url, without_password
@@ -228,10 +230,10 @@ class Store:
         with self.writing(name) as (connection, study_id):
             write_check(connection, study_id)
             trials = sa.select(TrialModel.trial_id).where(TrialModel.study_id == study_id)
-            for model in TRIAL_TABLES:
-                connection.execute(sa.delete(model).where(model.trial_id.in_(trials)))
-            for model in (TrialModel, *STUDY_TABLES):
-                connection.execute(sa.delete(model).where(model.study_id == study_id))
+            for table in TRIAL_TABLES:
+                connection.execute(sa.delete(table).where(table.c.trial_id.in_(trials)))
+            for table in STUDY_TABLES:
+                connection.execute(sa.delete(table).where(table.c.study_id == study_id))
             connection.execute(sa.delete(StudyModel).where(StudyModel.study_id == study_id))
 
     def append(

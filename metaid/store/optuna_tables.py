@@ -4,19 +4,21 @@ Optuna's public storage writes a trial in some ten transactions; a generation in
 names of Optuna, so all of them stand here, and pyproject.toml caps Optuna's version.
 """
 
-import sys
+# ruff: noqa: F401, what is imported here is what the package uses of them
 
+import sys
+from typing import Any
+
+import sqlalchemy as sa
 from optuna.storages._rdb.models import (
     SCHEMA_VERSION,
     StudyDirectionModel,
     StudyModel,
     StudySystemAttributeModel,
     StudyUserAttributeModel,
-    TrialHeartbeatModel,
     TrialIntermediateValueModel,
     TrialModel,
     TrialParamModel,
-    TrialSystemAttributeModel,
     TrialUserAttributeModel,
     TrialValueModel,
 )
@@ -32,27 +34,14 @@ NO_INTERMEDIATE_VALUE = TrialIntermediateValueModel.TrialIntermediateValueType.N
 STARTED = TrialModel.__table__.c.datetime_start
 COMPLETED = TrialModel.__table__.c.datetime_complete
 
-__all__ = [
-    "COMPLETED",
-    "FINITE_INTERMEDIATE_VALUE",
-    "FINITE_VALUE",
-    "NO_INTERMEDIATE_VALUE",
-    "REVISION",
-    "SCHEMA_VERSION",
-    "STARTED",
-    "StudyDirectionModel",
-    "StudyModel",
-    "StudySystemAttributeModel",
-    "StudyUserAttributeModel",
-    "TrialHeartbeatModel",
-    "TrialIntermediateValueModel",
-    "TrialModel",
-    "TrialParamModel",
-    "TrialSystemAttributeModel",
-    "TrialUserAttributeModel",
-    "TrialValueModel",
-    "unreadable",
-]
+
+def _tables_of(model: Any) -> tuple[sa.Table, ...]:
+    """Those whose rows each belong to one of a `model`."""
+    own = model.__table__
+    return tuple(each for each in own.metadata.sorted_tables if any(key.references(own) for key in each.foreign_keys))
+
+
+STUDY_TABLES, TRIAL_TABLES = _tables_of(StudyModel), _tables_of(TrialModel)
 
 
 def unreadable() -> tuple[type[Exception], ...]:

@@ -12,38 +12,23 @@ import json
 from collections.abc import Iterable
 from dataclasses import dataclass
 from hashlib import blake2b
-from typing import Any
 
 import sqlalchemy as sa
 from sqlalchemy.orm import aliased
 
 from metaid.errors import StorageError
 from metaid.store.optuna_tables import (
-    StudyDirectionModel,
+    STUDY_TABLES,
+    TRIAL_TABLES,
     StudyModel,
-    StudySystemAttributeModel,
     StudyUserAttributeModel,
-    TrialHeartbeatModel,
-    TrialIntermediateValueModel,
     TrialModel,
-    TrialParamModel,
-    TrialSystemAttributeModel,
     TrialUserAttributeModel,
-    TrialValueModel,
 )
 
 MARK = "metaid:trial"  # the attribute of a trial that metaid wrote
 DIGEST = "metaid:digest"  # the attribute of a study that its trials' marks begin with
 EXPERIMENT = "metaid:experiment"  # the attribute of a trial of others that `metaid.objective` evaluated
-TRIAL_TABLES = (
-    TrialParamModel,
-    TrialValueModel,
-    TrialIntermediateValueModel,
-    TrialUserAttributeModel,
-    TrialSystemAttributeModel,
-    TrialHeartbeatModel,
-)
-STUDY_TABLES = (StudyUserAttributeModel, StudySystemAttributeModel, StudyDirectionModel)
 
 _digest = aliased(StudyUserAttributeModel)
 _mark = aliased(TrialUserAttributeModel)
@@ -135,10 +120,9 @@ def remove_orphans(connection: sa.Connection) -> None:
     studies = sa.select(StudyModel.study_id)
     orphans = sa.select(TrialModel.trial_id).where(TrialModel.study_id.not_in(studies))
     last = sa.select(sa.func.coalesce(sa.func.max(TrialModel.trial_id), 0)).scalar_subquery()
-    for model in TRIAL_TABLES:
-        connection.execute(sa.delete(model).where(model.trial_id.in_(orphans)))
-    of_studies: tuple[Any, ...] = (TrialModel, *STUDY_TABLES)
-    for model in of_studies:
-        connection.execute(sa.delete(model).where(model.study_id.not_in(studies)))
-    for model in TRIAL_TABLES:
-        connection.execute(sa.delete(model).where(model.trial_id > last))
+    for table in TRIAL_TABLES:
+        connection.execute(sa.delete(table).where(table.c.trial_id.in_(orphans)))
+    for table in STUDY_TABLES:
+        connection.execute(sa.delete(table).where(table.c.study_id.not_in(studies)))
+    for table in TRIAL_TABLES:
+        connection.execute(sa.delete(table).where(table.c.trial_id > last))
