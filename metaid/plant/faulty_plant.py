@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from metaid.models import Array, Lumps
+from metaid.models import Array
 from metaid.plant.arm_plant import ArmPlant, ArmStart
 from metaid.plant.faults import Noise, draw, readings, slope_weights
 from metaid.plant.mujoco_plant import MujocoPlant
@@ -79,11 +79,6 @@ class FaultyPlant:
     def gravity(self) -> float:
         """Of a chain, in m/s²."""
         return float(self.inner.gravity)
-
-    def true_lumps(self) -> Lumps | None:
-        """Of a chain."""
-        lumps: Lumps | None = self.inner.true_lumps()
-        return lumps
 
     def rest(self, count: int, seed: int) -> Array:
         """Angle readings (count x njoint), in rad, of the plant held upright."""

@@ -95,6 +95,7 @@ class MujocoPlant(SimulatedPlant):
         return np.diff(speeds_after(self.chain, start.impulses, np.cumsum(self.true_angles(start))), prepend=0.0)
 
     def true_lumps(self) -> Lumps | None:
+        """Its own lumps, where it knows them. Only reports use them."""
         if not self.settings.truth_known:
             return None
         return replace(self.chain.lumps_of((*IDEAL, *FRICTION)), searched=self.chain.kinds)

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from typing import Protocol, runtime_checkable
 
-from metaid.models import Array, Lumps
+from metaid.models import Array
 from metaid.plant.start import Start
 
 
 @runtime_checkable
 class Plant(Protocol):
-    """What an episode needs of a plant: states, torques, steps, and the truth or None. Angles are joint angles from
-    the upright.
-    """
+    """What an episode needs of a plant: states, torques, steps. Angles are joint angles from the upright."""
 
     @property
     def name(self) -> str: ...
@@ -43,6 +41,3 @@ class Plant(Protocol):
 
     def close(self) -> None:
         """Lets go of the plant. No other call follows."""
-
-    def true_lumps(self) -> Lumps | None:
-        """The plant's own lumps, where it knows them. Only reports use them."""

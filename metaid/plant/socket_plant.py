@@ -15,7 +15,7 @@ from pydantic import Field, field_validator
 
 from metaid.errors import AbsentPlant, ImplausiblePlant, LostPlant, PlantError
 from metaid.files import Settings
-from metaid.models import Array, Lumps
+from metaid.models import Array
 from metaid.plant.arm_plant import ArmStart
 from metaid.plant.start import Start
 from metaid.plant.wire import Wire, WireError, floats, parse_address
@@ -123,12 +123,6 @@ class SocketPlant:
         """Lets go of the plant for good; another thread that waits for it gets LostPlant."""
         self._closed = True
         self._hang_up()
-
-    def true_lumps(self) -> Lumps | None:
-        return None
-
-    def true_parameters(self) -> None:
-        """Nothing: nobody knows them."""
 
     def round_trips(self, count: int) -> Array:
         """How long `count` messages and their answers took (count), in s: the timestep must hold one, and the law."""

@@ -8,7 +8,7 @@ from conftest import random_plant
 
 from metaid.compiled import CompiledLoop, Objective
 from metaid.episode import Episode, rich_pushes
-from metaid.models import Array, Lumps
+from metaid.models import Array
 from metaid.plant import MujocoPlant, Plant, Start
 
 
@@ -37,12 +37,9 @@ class Rig:
     def close(self) -> None:
         self._inner.close()
 
-    def true_lumps(self) -> Lumps | None:
-        return None
-
 
 def test_plant_behind_the_interface_gives_the_same_outcomes() -> None:
-    """Seven methods and four attributes are all that an episode needs of a plant."""
+    """Six methods and four attributes are all that an episode needs of a plant."""
     inner = random_plant(2)
     rig = Rig(random_plant(2))
     assert isinstance(rig, Plant)
