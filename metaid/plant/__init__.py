@@ -33,10 +33,10 @@ from metaid.plant.start import Start
 from metaid.plant.unknown_faults import FAULT_UNITS, fault_names, fault_unit, true_faults
 
 if TYPE_CHECKING:
-    from metaid.plant.chain_spec import build_spec
+    from metaid.plant.description import build_spec
 
 
 def __getattr__(name: str) -> Any:
     if name == "build_spec":  # loads MuJoCo
-        return import_module("metaid.plant.chain_spec").build_spec
+        return import_module("metaid.plant.description").build_spec
     raise AttributeError(f"module 'metaid.plant' has no attribute '{name}'")

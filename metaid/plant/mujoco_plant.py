@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from metaid.errors import PlantError
 from metaid.models import (
     FRICTION,
     IDEAL,
@@ -50,9 +51,12 @@ class MujocoPlant(SimulatedPlant):
 
     @cached_property
     def model(self) -> MjModel:
-        from metaid.plant.chain_spec import chain_model
+        from metaid.plant.description.lean import build_spec, mujoco
 
-        return chain_model(self.name, self.chain, self.felt_gravity, self.timestep, self.tilt)
+        try:
+            return build_spec(self.chain, self.felt_gravity, self.timestep, self.tilt).compile()
+        except (ValueError, mujoco.FatalError) as problem:
+            raise PlantError(f"plant {self.name}: MuJoCo cannot build it: {' '.join(str(problem).split())}") from None
 
     @property
     def tree(self) -> Tree:

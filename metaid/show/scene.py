@@ -26,7 +26,7 @@ PIXELS = 720  # of a picture's longest side at most
 def scene(chain: Chain, gravity: float, timestep: float, tilt: float = 0.0) -> mujoco.MjModel:
     """The chain on its stand: links as rods, joints and centres of mass as balls.
 
-    It is the plant's own model (`plant/chain_spec.py`) with shapes that weigh nothing, so it moves as the plant does.
+    It is the plant's own model (`build_spec`) with shapes that weigh nothing, so it moves as the plant does.
     A tilted base is drawn upright, and gravity tilted.
 
     Args:

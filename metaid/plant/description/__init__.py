@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from metaid.plant.description.lean import arm_model, build_arm_spec, set_parameters
+    from metaid.plant.description.lean import arm_model, build_arm_spec, build_spec, set_parameters
     from metaid.plant.description.reading import Arm, read_arm
     from metaid.plant.description.shapes import Surface, rod, surfaces
     from metaid.plant.description.starts import CLEARANCE, Clearance, draw_free_starts, draw_starts
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 _LOADS_MUJOCO = {"Arm": "reading", "read_arm": "reading"}
 _LOADS_MUJOCO |= dict.fromkeys(("CLEARANCE", "Clearance", "draw_free_starts", "draw_starts"), "starts")
 _LOADS_MUJOCO |= dict.fromkeys(("Surface", "rod", "surfaces"), "shapes")
-_LOADS_MUJOCO |= dict.fromkeys(("arm_model", "build_arm_spec", "set_parameters"), "lean")
+_LOADS_MUJOCO |= dict.fromkeys(("arm_model", "build_arm_spec", "build_spec", "set_parameters"), "lean")
 
 
 def __getattr__(name: str) -> Any:

@@ -1,20 +1,23 @@
-"""The lean MuJoCo model of an arm: joints and inertials alone.
+"""The lean MuJoCo model of an arm, or of a planar chain as the arm that it is: joints and inertials alone.
 
 It is made from a `Tree`, so that the plant, the nominal arm, and every candidate are simulated alike.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from metaid.errors import usable_mujoco
-from metaid.models import Array
-from metaid.models.tree import Tree
+from metaid.models import Array, Chain
+from metaid.models.tree import Tree, planar_tree, tilted_gravity
 
 with usable_mujoco():
     import mujoco
 
 SOLVED = 1e-15  # MuJoCo's own 1e-8 leaves as much of dry friction's acceleration wrong
+TOLERANCE = 1e-8  # of the solver of a chain where there is dry friction: MuJoCo's own
 LEAST = 1e-14  # kg m² or kg: MuJoCo compiles no moving body of less than 1e-15
 
 
@@ -61,6 +64,24 @@ def build_arm_spec(tree: Tree, timestep: float) -> mujoco.MjSpec:
             damping=[tree.damping[i], 0.0, 0.0],
             frictionloss=tree.coulomb[i],
         )
+    return spec
+
+
+def build_spec(chain: Chain, gravity: float, timestep: float, tilt: float = 0.0) -> mujoco.MjSpec:
+    """A planar chain: hinges about y with their springs, on a base that may be tilted. What is drawn is this with
+    shapes added (`show/scene.py`), so it moves alike.
+
+    Args:
+        chain: the links; body i of the spec is named `link_i`, and its joint `joint_i`, from 1.
+        gravity: in m/s².
+        timestep: in s.
+        tilt: of the base, in rad, positive towards positive angles.
+    """
+    tree = planar_tree(chain, gravity)
+    spec = build_arm_spec(replace(tree, gravity=tilted_gravity(tree.gravity, np.array([0.0, tilt]))), timestep)
+    spec.option.tolerance = TOLERANCE
+    for name, stiffness in zip(tree.names, chain.stiffness.tolist(), strict=True):
+        spec.joint(name).stiffness = [stiffness, 0.0, 0.0]
     return spec
 
 
