@@ -58,7 +58,7 @@ def summarized(snapshot: Snapshot, verdict: Verdict) -> dict[str, Any]:
         "estimate": None if found is None else _estimate(found, verdict),
         "why_no_estimate": snapshot.why_no_estimate if found is None else None,
         **({"foreign_trials": [_foreign(trial, snapshot) for trial in snapshot.foreign]} if snapshot.foreign else {}),
-        **({} if problem.robot.noise_floor is None else {"noise_floor_hz": problem.robot.noise_floor}),
+        **({} if problem.noise_floor is None else {"noise_floor_hz": problem.noise_floor}),
     }
 
 

@@ -20,7 +20,6 @@ from metaid.study.parameters import Parameters, base_parameters_of, settled
 from metaid.study.spec import PushedSettings, StudySpec
 
 if TYPE_CHECKING:
-    from metaid.compiled import Objective
     from metaid.estimation import Experiment
 
 FARTHEST = 10.0  # standard deviations of the prior: no base parameter beyond is tried
@@ -42,6 +41,7 @@ class StudiedArm:
         self.spec = spec
         self.nominal: Tree = spec.tree
         self.prior = ArmPrior(self.nominal, spec.study.estimate.prior, spec.counted_by, spec.tilts)
+        self.differ_from = self.prior  # what candidates do
         self.names = list(self.prior.base.names)
         reach = FARTHEST * np.sqrt(np.diag(self.prior.covariance))
         self.start = self.prior.values
@@ -110,12 +110,6 @@ class StudiedArm:
         """
         return self.prior.scaled(factors)
 
-    def make_objective(self, plant: Any, episode: Episode) -> Objective:
-        """What evaluates candidates on a `plant` in an `episode`."""
-        from metaid.compiled import Objective  # loads MuJoCo and numba, which most readers of a study do without
-
-        return Objective(plant, self.prior, episode, self.measure.name)
-
     def sensitivity(self, values: Array | None = None) -> Array:
         """H (nbase x nbase) of the measure, by the nominal arm, or by the mass matrix of one with these `values`
         (nbase).  Eq. 62.
@@ -148,15 +142,6 @@ class StudiedArm:
         return ArmLaws(self.unknowns, self.episode)
 
     @property
-    def experiment_class(self) -> type[Experiment]:
-        """What an estimate needs to know of the study is one of these."""
-        from metaid.estimation import Experiment
-
-        return Experiment
-
-    compared: Any = "speed"  # of the motion, where there is no noise
-
-    @property
     def stiffness(self) -> Array:
         """Of springs as on which pushes swing (npush), in 1/s²."""
         return self.episode.springs
@@ -172,18 +157,13 @@ class StudiedArm:
         share = self.spec.faults.push_noise
         return share * self.starts[:, 1][:, :, None] * np.eye(self.nominal.njoint) if share else None
 
-    def rehearsal(self, experiment: Experiment, further: int = 0) -> tuple[Experiment, Objective]:
-        """The experiment and the objective of the study if its nominal arm were the truth.
-
-        Args:
-            experiment: of the study.
-            further: what is added to the seed of the noise.
-        """
-        plant, episode = self.nominal_plant(), replace(self.episode, calibration=None, seed=self.episode.seed + further)
+    def rehearsal(self, experiment: Experiment) -> tuple[Experiment, ArmPlant, Episode]:
+        """The `experiment` of the study, the plant and the episode if its nominal arm were the truth."""
+        plant, episode = self.nominal_plant(), replace(self.episode, calibration=None)
         if not self.spec.is_simulated:
             noisy = plant.settings.model_copy(update={"faults": FaultSettings(angle_noise=QUIETEST_RIG)})
             plant = replace(plant, settings=noisy)
-        return replace(experiment, starts=episode.begins), self.make_objective(plant, episode)
+        return replace(experiment, starts=episode.begins), plant, episode
 
     def rehearsed(self, probes: int) -> list[Array]:
         """The candidates of a rehearsal: one trial under the law of the nominal arm."""
@@ -196,8 +176,6 @@ class StudiedArm:
         return tuple("coasts" if each else "springs" for each in seen)
 
     # What results are told by.
-
-    noise_floor = None  # of the measure: none is subtracted
 
     @cached_property
     def sought(self) -> Parameters:

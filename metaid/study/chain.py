@@ -32,7 +32,6 @@ from metaid.study.pushing import make_episode, refuse_unseen_pushes, rest_deviat
 from metaid.study.spec import PushedSettings, StudySpec
 
 if TYPE_CHECKING:
-    from metaid.compiled import Objective
     from metaid.estimation import Experiment
     from metaid.models.tree import ModelError
 
@@ -62,7 +61,7 @@ class StudiedChain:
             )
         refuse_impossible("nominal model", self.nominal)
         self.lumps: Lumps = self.nominal.lumps_of(spec.study.search.lumps)  # what candidates' factors are of
-        self.names = self.lumps.names
+        self.differ_from, self.names = self.lumps, self.lumps.names
         search, nlink = spec.study.search, self.nominal.nlink
         given = {"start": search.start, "low": search.low, "high": upper_bounds(spec)}
         self.start, self.low, self.high = (lump_factors(key, each, nlink, search) for key, each in given.items())
@@ -142,12 +141,6 @@ class StudiedChain:
         """
         return factors_from_names(dict(factors), self.nominal.nlink, kinds=self.lumps.searched)
 
-    def make_objective(self, plant: Any, episode: Episode) -> Objective:
-        """What evaluates candidates on a `plant` in an `episode`."""
-        from metaid.compiled import Objective  # loads MuJoCo and numba, which most readers of a study do without
-
-        return Objective(plant, self.lumps, episode, self.measure.name, self.spec.study.episode.rule)
-
     def sensitivity(self) -> Array:
         """H (nlump x nlump) of the lumps and pushes, by the nominal model.  Eq. 15."""
         horizon = self.episode.steps * self.spec.timestep
@@ -192,24 +185,6 @@ class StudiedChain:
 
         return ChainLaws(self.lumps, self.spec.gravity)
 
-    @property
-    def experiment_class(self) -> type[Experiment]:
-        """What an estimate needs to know of the study is one of these."""
-        if self.spec.study.estimate.compare == "count":
-            from metaid.paper.counting import CountedExperiment
-
-            return CountedExperiment
-        from metaid.estimation import Experiment
-
-        return Experiment
-
-    @property
-    def compared(self) -> Any:
-        """What of the motion is compared where there is no noise."""
-        if (wanted := self.spec.study.estimate.compare) is not None and wanted != "count":
-            return wanted
-        return "speed" if self.measure.sees_coriolis else "frequency"
-
     stiffness = 0.0  # of springs as on which pushes swing, in 1/s²
 
     def resting_noise(self) -> Array:
@@ -222,20 +197,16 @@ class StudiedChain:
         """
         return _spread_of_pushes(self.plant(), self.episode.pushes)
 
-    def rehearsal(self, experiment: Experiment, further: int = 0) -> tuple[Experiment, Objective]:
-        """The experiment and the objective of the study if its nominal model were the truth, pushed to the study's
-        start speeds: impulses that differ give it other speeds than the plant.
-
-        Args:
-            experiment: of the study.
-            further: what is added to the seed of the noise.
+    def rehearsal(self, experiment: Experiment) -> tuple[Experiment, MujocoPlant, Episode]:
+        """The `experiment` of the study, the plant and the episode if its nominal model were the truth, pushed to the
+        study's start speeds: impulses that differ give it other speeds than the plant.
         """
-        plant, episode = self.nominal_plant(), replace(self.episode, calibration=None)
+        plant = self.nominal_plant()
         pushes = pushes_for(plant, self.start_speeds)
         if experiment.loop is not None and self.spec.is_simulated:
             spread = _spread_of_pushes(plant, pushes)
             experiment = replace(experiment, loop=replace(experiment.loop, start_spread=spread))
-        return experiment, self.make_objective(plant, replace(episode, pushes=pushes, seed=episode.seed + further))
+        return experiment, plant, replace(self.episode, calibration=None, pushes=pushes)
 
     def rehearsed(self, probes: int) -> Array:
         """The candidates (ntrial x nlump) of a rehearsal: as many `probes` as an estimate needs, and the truth. No
@@ -261,11 +232,6 @@ class StudiedChain:
     def estimated(self) -> Parameters:
         """The lumps that an estimate is of."""
         return lumps_of(self.nominal, self.estimated_kinds)
-
-    @property
-    def noise_floor(self) -> float | None:
-        """What noise alone shows of a plant at rest, in Hz; None where it is not subtracted."""
-        return self.episode.noise_floor.frequency if self.measure.is_noisy else None
 
     @property
     def slides(self) -> NDArray[np.bool_]:

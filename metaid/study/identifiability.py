@@ -143,7 +143,7 @@ def _from_estimate(problem: Problem) -> Identifiability:
 
 def _nominal_objective(problem: Problem) -> Any:
     """What the study would evaluate its candidates with if its nominal chain were the truth."""
-    return problem.robot.make_objective(problem.robot.nominal_plant(), replace(problem.episode, calibration=None))
+    return problem.objective_on(problem.robot.nominal_plant(), replace(problem.episode, calibration=None))
 
 
 def _one_by_one(problem: Problem) -> Array:

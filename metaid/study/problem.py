@@ -138,7 +138,13 @@ class Problem:
 
     def make_objective(self) -> Objective:
         """An objective of its own for each worker."""
-        return self.robot.make_objective(self.open_plant(), self.episode)
+        return self.objective_on(self.open_plant(), self.episode)
+
+    def objective_on(self, plant: Any, episode: Episode) -> Objective:
+        """What evaluates candidates on a `plant` in an `episode`."""
+        from metaid.compiled import Objective  # loads MuJoCo and numba, which most readers of a study do without
+
+        return Objective(plant, self.robot.differ_from, episode, self.measure.name, self.spec.study.episode.rule)
 
     def make_searcher(self, experiment: Callable[[], Experiment | None] | None = None) -> Searcher:
         """The searcher at the study's seed, knowing of no trial; it may go by another `experiment` than the study's."""
@@ -153,6 +159,11 @@ class Problem:
     def resolution(self) -> float:
         """How far two values of the measure must be apart to be told apart, in its unit."""
         return self.measure.resolution(self.episode, self.timestep)
+
+    @property
+    def noise_floor(self) -> float | None:
+        """What noise alone shows of a plant at rest, in Hz; None where it is not subtracted."""
+        return self.episode.noise_floor.frequency if self.measure.is_noisy else None
 
     def as_good_as(self, best: float) -> float:
         """The largest value that cannot be told from the `best` one. What noise alone takes below zero is luck."""
@@ -245,18 +256,23 @@ class Problem:
         """The same, also where the study makes no estimate. What is said of faults that are searched is not used; all
         that nobody says shows in the misfit.
         """
-        from metaid.estimation import searched_faults  # loads numba, which most readers do without
+        from metaid.estimation import Experiment, searched_faults  # loads numba, which most readers do without
 
+        experiment: type[Experiment] = Experiment
+        if self.spec.study.estimate.compare == "count":
+            from metaid.paper.counting import CountedExperiment
+
+            experiment = CountedExperiment
         robot, wanted, faults = self.robot, self.spec.study.estimate, self.spec.faults
         unknowns, starts = robot.unknowns, robot.starts
-        return robot.experiment_class(
+        return experiment(
             laws=robot.laws,
             unknowns=unknowns,
             timestep=self.timestep,
             starts=starts,
             stiffness=robot.stiffness,
             resolution=self.resolution,
-            compared=robot.compared,
+            compared=self._compared,
             loop=loop_of(self.spec, robot) if self.keeps_readings else None,
             faults=searched_faults(wanted.searched_faults, unknowns, starts[:, 1], wanted.teeth),
             takes_up=wanted.takes_up_faults and not faults.torque_noise,
@@ -268,4 +284,12 @@ class Problem:
         """The experiment and the objective of the study if its nominal model were the truth; `further` is added to the
         seed of the noise.
         """
-        return self.robot.rehearsal(self.made_experiment(), further)
+        experiment, plant, episode = self.robot.rehearsal(self.made_experiment())
+        return experiment, self.objective_on(plant, replace(episode, seed=episode.seed + further))
+
+    @property
+    def _compared(self) -> Any:
+        """What of the motion is compared where there is no noise."""
+        if (wanted := self.spec.study.estimate.compare) is not None and wanted != "count":
+            return wanted
+        return "speed" if self.measure.sees_coriolis else "frequency"
