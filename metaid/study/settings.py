@@ -6,7 +6,7 @@ keeps them from the other.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
@@ -32,21 +32,10 @@ Factor = Annotated[float, Field(gt=0, le=100)]
 Impulse = Annotated[float, Field(ge=-1e6, le=1e6)]
 Factors = Factor | dict[str, Factor]
 Share = Annotated[float, Field(gt=0, le=10)]
-FaultKind = Literal[
-    "delay",
-    "lag",
-    "tilt",
-    "offset",
-    "viscous",
-    "dry",
-    "presliding",
-    "spring",
-    "bias",
-    "cogging",
-    "rotor",
-    "gain",
-    "limit",
-]
+if TYPE_CHECKING:
+    FaultKind = str
+else:
+    FaultKind = Literal[tuple(FAULT_UNITS)]
 
 
 class OfChain(Settings):
