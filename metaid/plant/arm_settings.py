@@ -56,11 +56,6 @@ class ArmSettings(Settings):
     why_no_chain: ClassVar[str] = "an arm, and not a planar chain (allowed here: a plant file with [[links]])"
 
     @property
-    def control_period(self) -> float:
-        """Time between two torques, and between two readings, in s."""
-        return self.timestep * self.faults.control_every
-
-    @property
     def kind(self) -> str:
         """Of the file: the key that names it."""
         return "mjcf" if self.urdf is None else "urdf"

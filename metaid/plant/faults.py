@@ -84,6 +84,10 @@ class FaultSettings(Settings):
         off = {key: type(self).model_fields[key].default for kind, key in keys.items() if kind in searched}
         return self.model_copy(update=off)
 
+    def control_period(self, timestep: float) -> float:
+        """Time between two torques, and between two readings, in s, where a physics step is a `timestep`."""
+        return timestep * self.control_every
+
     def torque_limits(self, njoint: int) -> Array:
         """The largest torque of each joint (njoint), in N m; infinite where there is no limit."""
         return joint_limits(self.torque_limit, njoint)

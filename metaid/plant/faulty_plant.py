@@ -23,7 +23,7 @@ class FaultyPlant:
         self.inner: Any = plant
         self.faults = plant.settings.faults
         self.name, self.njoint = plant.name, plant.njoint
-        self.timestep = plant.settings.control_period
+        self.timestep = self.faults.control_period(plant.timestep)
         self._limits, self._gains = self.faults.torque_limits(plant.njoint), self.faults.torque_gains(plant.njoint)
         self._offsets = self.faults.encoder_offsets(plant.njoint)
         self._weights = slope_weights(self.timestep)

@@ -67,11 +67,6 @@ class PlantSettings(Settings):
     why_no_chain: ClassVar[None] = None
     files: ClassVar[tuple[str, ...]] = ()
 
-    @property
-    def control_period(self) -> float:
-        """Time between two torques, and between two readings, in s."""
-        return self.timestep * self.faults.control_every
-
 
 def chain_of(links: tuple[LinkSettings, ...]) -> Chain:
     """The physical parameters of `links`, defaults filled in."""

@@ -65,7 +65,7 @@ def true_faults(plant: MujocoPlant | ArmPlant, kinds: Sequence[str]) -> Array:
     faults, n = plant.settings.faults, plant.njoint
     gains = faults.torque_gains(n)
     true = {
-        "delay": [faults.delay * plant.settings.control_period],
+        "delay": [faults.delay * faults.control_period(plant.timestep)],
         "tilt": faults.tilts(plant.tilts),
         "offset": faults.encoder_offsets(n),
         "gain": gains[1:] / gains[0],

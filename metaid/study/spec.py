@@ -86,11 +86,6 @@ class ArmPlantSettings(Settings):
         """In the frame of the base (3), in m/s²."""
         return self.arm.gravity
 
-    @property
-    def control_period(self) -> float:
-        """Time between two torques, and between two readings, in s."""
-        return self.timestep * self.faults.control_every
-
 
 class StartSettings(Settings):
     """From where a push of an arm begins: joint coordinates `pose`, in rad or m, and joint `speeds`, in rad/s or m/s;
@@ -187,7 +182,7 @@ class StudySpec(Settings):
     @property
     def timestep(self) -> float:
         """Time between two control steps, in s."""
-        return self.plant.timestep if isinstance(self.plant, SocketSettings) else self.plant.control_period
+        return self.faults.control_period(self.plant.timestep)
 
     @property
     def faults(self) -> FaultSettings:
