@@ -25,7 +25,7 @@ from benchmarks.rivals.logs import Log
 from benchmarks.rivals.models import ChainModel
 from benchmarks.rivals.regression import SPANS, delayed, search_beforehand
 from metaid.models import Array, Chain
-from metaid.plant import build_spec
+from metaid.plant.description import build_spec
 
 WINDOW = 2.0  # natural times that are simulated from a state that was read
 WINDOWS = 24  # at most, evenly out of the log: each costs as much as the others

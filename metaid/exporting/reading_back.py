@@ -109,7 +109,7 @@ def _loaded(path: Path, gravity: Array | None) -> Any:
 
 def _chain(path: Path) -> Any:
     """The model (mujoco.MjModel) of a plant file's chain."""
-    from metaid.plant import build_spec  # loads MuJoCo
+    from metaid.plant.description import build_spec  # loads MuJoCo
 
     plant = load_chain(path)
     return build_spec(plant.chain, plant.gravity, plant.timestep).compile()

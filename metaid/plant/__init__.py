@@ -6,9 +6,6 @@ socket. `ArmPlant` is a serial arm in space, whose MJCF or URDF `metaid.plant.de
 plant file. MuJoCo is loaded when a simulated plant first moves.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
-
 from metaid.plant.arm_plant import ArmPlant, ArmStart
 from metaid.plant.arm_settings import ArmSettings
 from metaid.plant.faults import FaultSettings, Limit, Noise, draw, joint_limits, slope_weights, stream
@@ -31,12 +28,3 @@ from metaid.plant.simulated import SimulatedPlant
 from metaid.plant.socket_plant import SocketPlant, SocketSettings
 from metaid.plant.start import Start
 from metaid.plant.unknown_faults import FAULT_UNITS, fault_names, fault_unit, true_faults
-
-if TYPE_CHECKING:
-    from metaid.plant.description import build_spec
-
-
-def __getattr__(name: str) -> Any:
-    if name == "build_spec":  # loads MuJoCo
-        return import_module("metaid.plant.description").build_spec
-    raise AttributeError(f"module 'metaid.plant' has no attribute '{name}'")

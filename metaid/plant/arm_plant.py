@@ -80,7 +80,7 @@ class ArmPlant(SimulatedPlant):
 
     @cached_property
     def model(self) -> MjModel:
-        from metaid.plant.description.lean import arm_model
+        from metaid.plant.lean import arm_model
 
         tree, faults = self.tree, self.settings.faults
         if (wrong := faults.misfits(tree.njoint, 2)) is not None:

@@ -51,7 +51,7 @@ class MujocoPlant(SimulatedPlant):
 
     @cached_property
     def model(self) -> MjModel:
-        from metaid.plant.description.lean import build_spec, mujoco
+        from metaid.plant.lean import build_spec, mujoco
 
         try:
             return build_spec(self.chain, self.felt_gravity, self.timestep, self.tilt).compile()

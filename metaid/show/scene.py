@@ -10,8 +10,8 @@ import numpy as np
 
 from metaid.errors import RenderError, optional_packages, usable_mujoco
 from metaid.models import Array, Chain
-from metaid.plant import ArmPlant, MujocoPlant, build_spec
-from metaid.plant.description import build_arm_spec
+from metaid.plant import ArmPlant, MujocoPlant
+from metaid.plant.description import build_arm_spec, build_spec
 from metaid.show.rendering import Camera
 
 with usable_mujoco():

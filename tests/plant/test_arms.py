@@ -11,8 +11,8 @@ import pytest
 from arm_files import HOME, JOINTS, MJCF, URDF, read, two
 
 from metaid.models.tree import Tree
-from metaid.plant import ArmPlant, ArmSettings, ArmStart, build_spec, load_chain
-from metaid.plant.description import Arm, arm_model, build_arm_spec, set_parameters, surfaces
+from metaid.plant import ArmPlant, ArmSettings, ArmStart, load_chain
+from metaid.plant.description import Arm, arm_model, build_arm_spec, build_spec, set_parameters, surfaces
 from metaid.plant.description.reading import forces_of_lean, forces_of_whole
 
 

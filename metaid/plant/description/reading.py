@@ -15,8 +15,8 @@ from metaid.models.tree import Tree
 from metaid.plant.arm_settings import ArmSettings
 from metaid.plant.description.compiling import compile_file, gathered_warnings
 from metaid.plant.description.fusing import Whole, fuse, joint_name
-from metaid.plant.description.lean import arm_model
 from metaid.plant.description.refusing import moving_joints, refuse_what_is_no_arm
+from metaid.plant.lean import arm_model
 
 with usable_mujoco():
     import mujoco
