@@ -58,7 +58,7 @@ def measure(quick: bool) -> dict[str, list[Row]]:
 
 def _row(nlink: int, quick: bool) -> Row:
     problem = Problem(make_spec(nlink))
-    plant, nominal, episode = problem.make_plant(), problem.nominal.lumps, problem.episode
+    plant, nominal, episode = problem.open_plant(), problem.nominal.lumps, problem.episode
     whole = mujoco_step(plant.model, plant.data)
     fastest = fastest_step(plant)
     assert fastest.is_direct, "MuJoCo's stages are not mj_step here: nothing to compare"

@@ -86,7 +86,7 @@ def _fit_row(nlink: int, noisy: bool, quick: bool) -> Row:
 
 def _window_row(nlink: int, quick: bool) -> Row:
     problem = Problem(matching_spec(nlink))
-    plant, law, episode = problem.make_plant(), problem.nominal.lumps, problem.episode
+    plant, law, episode = problem.open_plant(), problem.nominal.lumps, problem.episode
     loops = {
         "with": CompiledLoop(plant, episode),
         "without": CompiledLoop(plant, replace(episode, window_ends=())),

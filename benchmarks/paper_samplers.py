@@ -45,7 +45,7 @@ class Run:
 def search(links: int, sampler: str, seed: int) -> Run:
     """One search, until it is finished or the budget is spent."""
     problem = _problem(links, sampler, seed)
-    truth = problem.make_plant().chain.lumps.vector / problem.nominal.lumps.vector
+    truth = problem.open_plant().chain.lumps.vector / problem.nominal.lumps.vector
     searcher, objective = problem.make_searcher(), problem.make_objective()
     least, errors, falls = np.inf, [np.inf], 0
     while not searcher.finished() and len(errors) <= BUDGETS[links]:

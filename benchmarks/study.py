@@ -30,7 +30,7 @@ def measure(quick: bool) -> dict[str, list[Row]]:
 def task_of(spec: StudySpec) -> plain_optuna.Task:
     """The same chain, pushes and nominal lumps for the plain script."""
     problem = Problem(spec)
-    plant, nominal = problem.make_plant(), problem.nominal.lumps
+    plant, nominal = problem.open_plant(), problem.nominal.lumps
     chain, episode = plant.chain, problem.episode
     start = np.array([plant.start_speeds(start) for start in episode.starts])
     links = chain.length, chain.mass, chain.com, chain.inertia

@@ -140,7 +140,7 @@ def figures(into: Path) -> Made:
             if picture.name in FIGURES[study]:
                 yield drawn(picture.figure, into / f"{picture.name}.png")
         if study == "from-afar":
-            yield drawn(plant_figure(gallery.found.problem.make_plant()), into / "plant.png")
+            yield drawn(plant_figure(gallery.found.problem.open_plant()), into / "plant.png")
         store.close()
     yield drawn(plant_figure(load_plant("pa10")), into / "arm.png")
 

@@ -92,7 +92,7 @@ class Snapshot:
         windows = [each.outcome.windows.seen for each in tried if each.outcome.windows is not None]
         readings = [each.outcome.readings.steps for each in tried if each.outcome.readings is not None]
         if not windows and not readings:
-            return f"no trial in the DB has {'readings' if problem.keeps_readings else 'windows of its motion'}"
+            return f"no trial in the DB has {'readings' if problem.spec.keeps_readings else 'windows of its motion'}"
         if not any(each.any() for each in (*windows, *readings)):
             return "every trial fell within its shortest window"
         return "the twin cannot follow these trials from any model near the nominal one"

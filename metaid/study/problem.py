@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from metaid.episode import QUANTITIES, Episode, Measure, Outcome, failure
-from metaid.errors import StudyError
 from metaid.models import Array
 from metaid.plant import SocketPlant, SocketSettings
 from metaid.search import SAMPLERS, Coordinates, Searcher, at_bounds, make_searcher, plain_coordinates, widened
@@ -89,11 +88,6 @@ class Problem:
         return self.spec.is_simulated
 
     @property
-    def is_ready(self) -> bool:
-        """Whether all is known that a trial needs: what a rig's pushes do is found when its study is created."""
-        return self.is_simulated or self.spec.pushed is not None
-
-    @property
     def is_matching(self) -> bool:
         """Whether the sampler works by the estimate. Where that explains nothing, no best trial is the result."""
         return SAMPLERS[self.spec.study.sampler].by_estimate
@@ -117,12 +111,6 @@ class Problem:
         """The plant behind the socket that the study names."""
         assert isinstance(self.spec.plant, SocketSettings), "it is a rig"
         return SocketPlant(self.spec.plant_name, self.spec.plant)
-
-    def make_plant(self) -> Any:
-        """A simulated plant.  Raises StudyError where the study's is none."""
-        if not self.is_simulated:
-            raise StudyError(f"plant {self.spec.plant_name} is a rig, and this needs a simulated plant")
-        return self.robot.plant()
 
     def calibrated(self) -> StudySpec:
         """The study of a rig with what is measured at it, of its pushes and of its sensors."""
@@ -211,11 +199,6 @@ class Problem:
     # What an estimate is made of.
 
     @property
-    def keeps_readings(self) -> bool:
-        """Whether trials keep what the sensors read, as on a rig or a plant with faults, and no windows."""
-        return self.spec.keeps_readings
-
-    @property
     def trials_with_windows(self) -> int:
         """How many trials, from the first on, keep their windows in the DB: as many as an estimate is made of, and
         their budget holds.
@@ -233,12 +216,12 @@ class Problem:
         episode, quantities = self.episode, 2 if self.spec.faults.speed_sensor else 1
         size = episode.npush * episode.njoint * (episode.readings_steps + 1) * quantities * 8
         most = MOST_TRIALS if self.is_matching else self.robot.most_readings
-        return int(min(most, READING_BUDGET // size)) if self.keeps_readings else 0
+        return int(min(most, READING_BUDGET // size)) if self.spec.keeps_readings else 0
 
     @property
     def can_be_estimated(self) -> bool:
         """Whether the motion of its trials can be matched."""
-        return self.spec.study.estimate.enabled and (bool(self.episode.window_ends) or self.keeps_readings)
+        return self.spec.study.estimate.enabled and (bool(self.episode.window_ends) or self.spec.keeps_readings)
 
     @property
     def is_told_by_estimate(self) -> bool:
@@ -273,7 +256,7 @@ class Problem:
             stiffness=robot.stiffness,
             resolution=self.resolution,
             compared=self._compared,
-            loop=loop_of(self.spec, robot) if self.keeps_readings else None,
+            loop=loop_of(self.spec, robot) if self.spec.keeps_readings else None,
             faults=searched_faults(wanted.searched_faults, unknowns, starts[:, 1], wanted.teeth),
             takes_up=wanted.takes_up_faults and not faults.torque_noise,
             torque_noise=np.full(len(self.spec.joints), faults.torque_noise) if faults.torque_noise else None,

@@ -191,8 +191,8 @@ class StudySpec(Settings):
 
     @property
     def keeps_readings(self) -> bool:
-        """Whether trials keep what sensors read, as on a rig, of a plant with faults or a law that leads, and where
-        faults are searched.
+        """Whether trials keep what sensors read, and no windows: as on a rig, of a plant with faults or a law that
+        leads, and where faults are searched.
         """
         wanted, springs = self.study, getattr(self.plant, "stiffness", None)
         is_ideal = not (self.faults.named or springs or wanted.episode.lead or wanted.estimate.faults)

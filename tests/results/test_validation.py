@@ -59,7 +59,7 @@ def track_stepwise(
 
 def true_factors(problem: Problem) -> np.ndarray:
     """The factors at which the nominal lumps are the plant's."""
-    return problem.make_plant().chain.lumps.vector / problem.nominal.lumps.vector
+    return problem.open_plant().chain.lumps.vector / problem.nominal.lumps.vector
 
 
 @pytest.mark.parametrize("nlink", [1, 2, 5])
@@ -153,7 +153,7 @@ def test_compiled_loops_give_the_numbers_of_the_stepwise_ones(nlink: int, fricti
 
 def test_validation_pushes_are_not_those_of_the_search(problem: Problem) -> None:
     """Even with equal seeds, and another seed means other pushes."""
-    plant, seed = problem.make_plant(), problem.spec.study.seed
+    plant, seed = problem.open_plant(), problem.spec.study.seed
     one, other = (rich_pushes(plant, 6, 4.0, fresh_seed(seed, given)) for given in (seed, seed + 1))
     assert not np.isclose(one, other).any()
     assert not np.isclose(one, problem.episode.pushes).any()
@@ -175,7 +175,7 @@ def test_model_that_loses_control_is_said_to(problem: Problem) -> None:
     """Gravity taken for its opposite throws the chain off, which is not passed off as tracking."""
     nominal = problem.nominal
     wild = Lumps(-200 * nominal.lumps.gravity, nominal.lumps.coriolis)
-    errors, tracked = ChainCourse(problem.make_plant(), nominal, True, 1, 0).tracking(wild)
+    errors, tracked = ChainCourse(problem.open_plant(), nominal, True, 1, 0).tracking(wild)
     assert not tracked
     assert np.isfinite(errors).all()
     assert np.isinf(Validated("wild", np.zeros(1), errors, tracked).rms_error)

@@ -63,7 +63,7 @@ def test_one_push_at_the_tip_leaves_combinations_that_cannot_be_told() -> None:
     problem = Problem(load_study("three-link-coast", changes))
     found = identifiability(problem)
     assert found.undetermined_names
-    exact = problem.make_plant().chain.lumps.vector / problem.nominal.lumps.vector
+    exact = problem.open_plant().chain.lumps.vector / problem.nominal.lumps.vector
     rich = Problem(load_study("three-link-coast")).make_objective()
     poor = problem.make_objective()
     moved = exact * (1 + 0.05 * np.array([found.combinations[0].get(name, 0.0) for name in problem.names]))

@@ -52,7 +52,7 @@ def test_plant_behind_a_socket_gives_the_trials_of_the_built_in_one(serve: Serve
     assert (rig[exact].to_numpy() == built_in[exact].to_numpy()).all()
     assert rig["value"].to_numpy() == pytest.approx(built_in["value"].to_numpy(), rel=1e-14)
     problem = Problem(load_study("two-link-tpe", changes))
-    plant, nominal = problem.make_plant(), problem.nominal.lumps
+    plant, nominal = problem.open_plant(), problem.nominal.lumps
     for number in (0, 8, 13):
         record, _ = run_stepwise(plant, nominal.scaled(rig.loc[number, problem.names].to_numpy(float)), problem.episode)
         assert rig.loc[number, "value"] == problem.measure.value(record, problem.episode)

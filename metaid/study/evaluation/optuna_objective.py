@@ -41,7 +41,7 @@ class OptunaObjective:
     def __init__(self, spec: StudySpec) -> None:
         self._problem = problem_of(spec)
         self._problem.check()
-        if not self._problem.is_ready:
+        if not spec.is_simulated and spec.pushed is None:
             raise StudyError(
                 f"plant {spec.plant_name} is a rig, whose pushes are found when a study is created: "
                 "create it, and name its storage here"
