@@ -13,15 +13,17 @@ import csv
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from metaid.compiled import Objective
 from metaid.episode import FALL_MARGIN, Episode, FallRule, crossing_hz, whole_periods
 from metaid.errors import EpisodeError
 from metaid.models import Array, factors_from_names
 from metaid.plant import load_chain
+
+if TYPE_CHECKING:
+    from metaid.compiled import Objective
 
 STEPS = 5000
 TABLES = (1, 2)  # each of as many links as its number
@@ -54,6 +56,8 @@ class Reading:
 
     def objective(self, push: float, **options: Any) -> Objective:
         """Counts after a `push` at the tip, in N s, in factors of the plant's own lumps; `options` of the episode."""
+        from metaid.compiled import Objective  # loads numba
+
         plant = load_chain(self.plant)
         impulses = np.eye(plant.njoint)[-1:] * push
         return Objective(plant, plant.chain.lumps, Episode(impulses, STEPS, **options), "count", rule=self.rule)
