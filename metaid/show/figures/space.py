@@ -47,21 +47,21 @@ def rods_figure(arm: ArmPlant, episode: Episode, width: float) -> Figure:
     mujoco.mj_kinematics(arm.model, arm.data)
     places, directions = arm.data.xanchor.copy(), arm.data.xaxis.copy()
     line = np.concatenate([np.zeros((1, 3)), places, arm.data.xipos[-1:]])
-    middle, half = (line.min(axis=0) + line.max(axis=0)) / 2, 0.5 * _size(line)
     with style():
         figure = Figure(figsize=(width, min(0.8 * width, HIGHEST)))
         axes: Axes3D = figure.add_axes((0.0, 0.0, 1.0, 1.0), projection="3d")
         axes.plot(*line.T, color=SURVIVOR, linewidth=4.0, solid_capstyle="round", alpha=0.7)
-        _draw_joints(axes, places, directions, 2.0 * half)
-        limits = np.stack([middle - half, middle + half], axis=1)
-        _look_at(axes, limits, zoom=0.85)
+        _draw_joints(axes, places, directions, _size(line))
+        _look_at(axes, line, zoom=0.85)
         for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
             axis.set_pane_color((0.5, 0.5, 0.5, 0.06))
     return figure
 
 
-def _look_at(axes: Axes3D, limits: Array, zoom: float = 1.0) -> None:
-    """Obliquely from above, between these `limits` (3 x 2), in m."""
+def _look_at(axes: Axes3D, points: Array, zoom: float = 1.0) -> None:
+    """Obliquely from above, at a cube about these `points` (npoint x 3), in m."""
+    middle, half = (points.min(axis=0) + points.max(axis=0)) / 2, 0.5 * _size(points)
+    limits = np.stack([middle - half, middle + half], axis=1)
     axes.set(xlim=limits[0], ylim=limits[1], zlim=limits[2], xlabel="x, m", ylabel="y, m", zlabel="z, m")
     axes.zaxis.labelpad = 8.0  # or it touches the numbers
     axes.set_box_aspect((1.0, 1.0, 1.0), zoom=zoom)
@@ -100,10 +100,7 @@ def _draw(axes: Axes3D, triangles: Array, colours: Array) -> None:
     facing = (normals[seen] / lengths[seen, None]) @ (LIGHT / np.linalg.norm(LIGHT))
     shaded = np.clip(colours[seen] * (0.72 + 0.28 * facing[:, None]), 0.0, 1.0)
     axes.add_collection3d(Poly3DCollection(triangles[seen], facecolors=shaded, edgecolors=shaded, linewidths=0.2))
-    corners = triangles.reshape(-1, 3)
-    middle, half = (corners.min(axis=0) + corners.max(axis=0)) / 2, 0.5 * _size(corners)
-    limits = np.stack([middle - half, middle + half], axis=1)
-    _look_at(axes, limits)
+    _look_at(axes, triangles.reshape(-1, 3))
 
 
 def _draw_joints(axes: Axes3D, places: Array, directions: Array, size: float) -> None:
