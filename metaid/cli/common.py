@@ -33,7 +33,8 @@ class Group(click.Group):
 
     def parse_args(self, context: click.Context, arguments: list[str]) -> list[str]:
         if not arguments and not context.resilient_parsing:
-            say_paragraphs(context.get_help())
+            lines = context.get_help().splitlines()
+            click.echo("\n".join(line.rstrip() for line in lines))
             context.exit()
         return super().parse_args(context, arguments)
 
@@ -141,20 +142,9 @@ def working(what: str) -> Iterator[Callable[[str], None]]:
         yield lambda following: status.update(printable(f"{following} …"))
 
 
-def ask(question: str | None) -> None:
-    """A line on stderr that asks about units, if there is anything to ask."""
-    if question is not None:
-        say(f"warning: {question}", err=True)
-
-
-def say_paragraphs(text: str) -> None:
-    """A text of our own on stdout with its lines as they are, none of which ends with spaces."""
-    click.echo("\n".join(line.rstrip() for line in text.splitlines()))
-
-
-def warn(sentences: Iterable[str]) -> None:
-    """A line on stderr for each thing that is not as it should be, and that was mended."""
-    for sentence in sentences:
+def warn(sentences: Iterable[str | None]) -> None:
+    """A line on stderr for each thing that is not as it should be, and that was mended or is asked about, if any."""
+    for sentence in filter(None, sentences):
         say(f"warning: {sentence}", err=True)
 
 

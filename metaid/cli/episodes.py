@@ -8,7 +8,6 @@ import click
 
 from metaid.cli.common import (
     FIGURE_SUFFIXES,
-    ask,
     json_option,
     numbers,
     open_store,
@@ -16,6 +15,7 @@ from metaid.cli.common import (
     print_table,
     say,
     storage_option,
+    warn,
     whole_file,
 )
 from metaid.cli.plants import plant_argument
@@ -81,7 +81,7 @@ def episode(
     from metaid.cli.looks import look_at
 
     plant = load_plant(name)
-    ask(plant.question)
+    warn([plant.question])
     look = look_at(plant, numbers(factors, "--factor"), steps, seed, nominal)
     if output is not None:
         with whole_file(output, FIGURE_SUFFIXES) as partial:

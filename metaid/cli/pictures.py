@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from metaid.cli.common import FIGURE_SUFFIXES, ask, open_store, say, storage_option, whole_file, working
+from metaid.cli.common import FIGURE_SUFFIXES, open_store, say, storage_option, warn, whole_file, working
 from metaid.cli.plants import plant_argument
 from metaid.cli.studies import name_argument
 from metaid.errors import MetaidError
@@ -21,7 +21,7 @@ def draw(name: str, output: Path) -> None:
     from metaid.show.figures import plant_figure, save
 
     plant = load_plant(name)
-    ask(plant.question)
+    warn([plant.question])
     figure = plant_figure(plant)
     with whole_file(output, FIGURE_SUFFIXES) as partial:
         save(figure, partial)

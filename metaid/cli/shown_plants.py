@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from metaid.cli.common import ask, lump_rows, number_text, print_json, print_lumps, print_table, warn
+from metaid.cli.common import lump_rows, number_text, print_json, print_lumps, print_table, warn
 from metaid.models import lump_names, lump_unit
 from metaid.models.tree import PARAMETERS, planar_chain
 from metaid.plant import ArmPlant, ArmSettings, MujocoPlant, PlantSettings, SocketSettings
@@ -25,7 +25,7 @@ def show(settings: Any, name: str, as_json: bool) -> None:
 def _chain(settings: PlantSettings, name: str, as_json: bool) -> None:
     """Its links, and its true lumps where it knows them."""
     shown = MujocoPlant(name, settings)
-    ask(shown.question)
+    warn([shown.question])
     chain, truth = shown.chain, shown.true_lumps()
     columns = ("length", "mass", "com", "inertia", "damping", "coulomb", "stiffness")
     links = [
@@ -74,7 +74,7 @@ def _rig(settings: SocketSettings, name: str, as_json: bool) -> None:
 def _arm(settings: ArmSettings, name: str, as_json: bool) -> None:
     """Its joints with their axes and limits, and the parameters of its links."""
     arm = ArmPlant(name, settings)
-    ask(arm.question)
+    warn([arm.question])
     tree, lost = arm.tree, arm.arm.whole.lost_meshes
     _, axes = arm.arm.whole.joints_at(arm.home)
     joints = [

@@ -11,12 +11,12 @@ import click
 from metaid.cli.checks.until import describe_reached, share
 from metaid.cli.common import (
     Group,
-    ask,
     json_option,
     open_store,
     pairs,
     say,
     storage_option,
+    warn,
 )
 from metaid.cli.interrupted import Interruption
 from metaid.cli.printed import print_study
@@ -105,7 +105,7 @@ def _make(
             spec = started_from(store, spec, start_from)
         warnings = [advice(spec), None if spec.is_arm else _undetermined(spec)]
         made = (ensure_study if exist_ok else create_study)(store, spec, name)
-    ask(question(spec))
+    warn([question(spec)])
     for line in filter(None, warnings):
         say(line, err=True)
     return made, store.shown
@@ -150,7 +150,7 @@ def check(source: str, storage: str, changes: tuple[str, ...], until: float | No
     refuse_what_cannot_be_run(spec)
     if until is not None:
         refuse_until(spec, until)
-    ask(question(spec))
+    warn([question(spec)])
     print_check(problem_of(spec), until, as_json)
 
 
