@@ -30,12 +30,8 @@ def bounds_reached(problem: Problem, best: Array, tried: Array) -> list[str]:
     an arm, whose bounds are too far away.
 
     A lump may be there by right. But where the value of the best trial is also far above the measure's resolution, the
-    search was held back. Lumps that the measure cannot see are left out.
-
-    Args:
-        problem: of the study.
-        best: factors (n) of the best trial.
-        tried: the factors (ntrial x n) of all trials; they say whether a bound has been widened.
+    search was held back. Lumps that the measure cannot see are left out. The factors (ntrial x n) that were `tried` say
+    whether a bound has been widened.
     """
     if problem.spec.is_arm:
         return []

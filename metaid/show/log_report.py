@@ -11,12 +11,8 @@ from metaid.show.pages import filled_in, page_figures
 
 
 def render_log(found: RecordedResult, command: str = "", files: Sequence[FileError] = ()) -> str:
-    """The page.
-
-    Args:
-        found: what logs say.
-        command: that made it, which the page says how to repeat it with; none in Python.
-        files: that were written.
+    """The page, with `files` that were written, and the `command` that made it, by which it can be repeated; none in
+    Python.
     """
     gallery, summary = LogGallery(found), found.summary_with(files)
     return filled_in(

@@ -48,14 +48,8 @@ class ChainStage:
         return self.objective.plant
 
     def motion(self, law: Lumps, caption: str, rate: int) -> Motion:
-        """What a panel shows: the very episode, faults and noise included, whose numbers the objective gives.
-
-        Of a plant with sensors that err it is what they read.
-
-        Args:
-            law: of the candidate, as the plant takes it.
-            caption: of the panel.
-            rate: frames a second.
+        """What a panel shows under the `law` of a candidate, with `rate` frames a second: the very episode, faults and
+        noise included, whose numbers the objective gives. Of a plant with sensors that err it is what they read.
         """
         candidate = Objective(self.plant, law, self.objective.episode, self.objective.measure.name)
         record, trajectory = candidate.watch(np.ones(len(law.vector)))

@@ -37,15 +37,9 @@ Frame = NDArray[np.uint8]
 
 
 def film(stage: Stage, candidates: Mapping[str, Any], path: Path) -> None:
-    """Writes what a simulated plant does, in real time, in a panel a candidate.
-
-    Args:
-        stage: the plant that is filmed, where it stands.
-        candidates: the laws that the plant is compensated with in each panel, by the panel's caption.
-        path: of the file; its ending says the format.
-
-    Raises:
-        RenderError: nothing here can render.
+    """Writes what a simulated plant does, in real time, as a file whose ending says the format. The `candidates` are
+    the laws that it is compensated with, one a panel, by the panel's caption.  Raises RenderError where nothing here
+    can render.
     """
     rate, size = RATES[path.suffix], SIZES[path.suffix]
     motions = [stage.motion(law, caption, rate) for caption, law in candidates.items()]

@@ -110,12 +110,7 @@ def shows_plant(found: Findings) -> bool:
 
 def study_files(spec: StudySpec, stem: str, shows_plant: bool) -> dict[str, str]:
     """Files, by name, that make this very study again, trial for trial, the study file last. Where the plant is not to
-    be shown, the plant file is the reader's own.
-
-    Args:
-        spec: of the study.
-        stem: of the names of files.
-        shows_plant: whether the plant may be told.
+    be shown, the plant file is the reader's own. The names begin with `stem`.
     """
     study = spec.study.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
     if spec.is_arm:

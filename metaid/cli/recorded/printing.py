@@ -15,13 +15,9 @@ REASONS = 5  # sentences: what is predicted, and four on what is not explained
 
 
 def print_result(result: RecordedResult, has_numbers: bool, whole: bool) -> None:
-    """Prints the verdict and the error of what was left out, joint by joint, then parameters, the curve of friction and
-    what is not explained.
-
-    Args:
-        result: what logs say.
-        has_numbers: whether the numbers are printed.
-        whole: whether all of them are, and what was tried.
+    """Prints the verdict and the error of what was left out, joint by joint, then, where the result `has_numbers` to
+    show, parameters and the curve of friction, and what is not explained; of the `whole` all numbers, and what was
+    tried.
     """
     shown = result.summary
     for log in shown["logs"]:

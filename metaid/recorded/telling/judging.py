@@ -52,15 +52,10 @@ class RecordedVerdict:
 
 
 def judge_records(records: Sequence[Record], found: RecordedEstimate, facts: Sequence[str] = ()) -> RecordedVerdict:
-    """The verdict on what logs say.
+    """The verdict on what logs say, in which `facts` are what looks wrong, as sentences.
 
     `found` explains what was seen; `approximate` does not, and predicts what was left out better than the nominal
     bodies with fitted friction do.
-
-    Args:
-        records: the logs.
-        found: what they say.
-        facts: what looks wrong in them, as sentences.
     """
     determined = _determined(found)
     lumps = _table(found, determined)

@@ -23,12 +23,8 @@ CROWDED = 20  # marks of a line; more of them are small
 
 
 def plot_motion(shown: Replay, push: int, axes: Axes | None = None) -> Axes:
-    """Joint angles, in degrees, over the time since a push, in s: dots are the plant's, lines the twin's.
-
-    Args:
-        shown: a trial; `found.estimate.replay()` of findings is one.
-        push: its number, from 0.
-        axes: to draw on; default: a new one.
+    """Joint angles, in degrees, over the time since a `push`, from 0 on, in s: dots are the plant's, lines the twin's.
+    A trial that can be `shown` is `found.estimate.replay()` of findings.
     """
     axes = new_axes(axes)
     for joint, (seen, simulated) in enumerate(zip(shown.seen[push].T, shown.simulated[push].T, strict=True)):
@@ -42,13 +38,8 @@ def plot_motion(shown: Replay, push: int, axes: Axes | None = None) -> Axes:
 
 
 def plot_difference(shown: Replay, push: int, axes: Axes | None = None) -> Axes:
-    """The twin's joint angles less the plant's, in mrad, over the time since a push, in s; between the dotted lines lie
-    95 % of what noise makes of them, where there is some.
-
-    Args:
-        shown: a trial; `found.estimate.replay()` of findings is one.
-        push: its number, from 0.
-        axes: to draw on; default: a new one.
+    """The twin's joint angles less the plant's, in mrad, over the time since a `push`, from 0 on, in s, of a trial as
+    `plot_motion` has it; between the dotted lines lie 95 % of what noise makes of them, where there is some.
     """
     axes = new_axes(axes)
     for joint, difference in enumerate((shown.simulated[push] - shown.seen[push]).T):
@@ -106,12 +97,8 @@ def plot_covariance(found: StudyEstimate, axes: Axes | None = None) -> Axes:
 
 
 def plot_growth(found: StudyEstimate, true: Array | None, axes: Axes | None = None) -> Axes:
-    """The deviation of the worst known lump, and the largest error of any, over the number of trials.
-
-    Args:
-        found: the estimate.
-        true: the true lumps (nlump), or base parameters, where they are known.
-        axes: to draw on; default: a new one.
+    """The deviation of the worst known lump and, where the `true` lumps (nlump) or base parameters are known, the
+    largest error of any, over the number of trials.
     """
     axes = new_axes(axes)
     counts, estimates = found.growth

@@ -1,4 +1,7 @@
-"""What logs say of a robot: torques that were left out, friction, gravity torque, and bodies beside nominal ones."""
+"""What logs say of a robot: torques that were left out, friction, gravity torque, and bodies beside nominal ones.
+
+What is `found` in logs is what `metaid.estimate` returns.
+"""
 
 from __future__ import annotations
 
@@ -17,13 +20,8 @@ MEASURED, PREDICTED, NOMINAL = INK, COLOURS[1], COLOURS[2]
 
 
 def plot_predicted_torque(found: RecordedResult, joint: int, axes: Axes | None = None) -> Axes:
-    """The torque of a joint that was measured and what was predicted of it, in N m (N), over time in s: of what was
-    left out, one part after the other between dotted lines.
-
-    Args:
-        found: what logs say, as `metaid.estimate` returns it.
-        joint: its number, from 0.
-        axes: to draw on; default: a new one.
+    """The torque of a `joint`, from 0 on, that was measured and what was predicted of it, in N m (N), over time in s:
+    of what was left out, one part after the other between dotted lines.
     """
     axes = new_axes(axes)
     times, measured, predicted = _over_time(found.left_out, joint, axes)
@@ -34,13 +32,8 @@ def plot_predicted_torque(found: RecordedResult, joint: int, axes: Axes | None =
 
 
 def plot_torque_residuals(found: RecordedResult, joint: int, axes: Axes | None = None) -> Axes:
-    """The torque of a joint that was measured less what was predicted of it, in N m (N), over time in s, as
-    `plot_predicted_torque` has it.
-
-    Args:
-        found: what logs say, as `metaid.estimate` returns it.
-        joint: its number, from 0.
-        axes: to draw on; default: a new one.
+    """The torque of a `joint`, from 0 on, that was measured less what was predicted of it, in N m (N), over time in s,
+    as `plot_predicted_torque` has it.
     """
     axes = new_axes(axes)
     times, measured, predicted = _over_time(found.left_out, joint, axes)
@@ -51,13 +44,7 @@ def plot_torque_residuals(found: RecordedResult, joint: int, axes: Axes | None =
 
 
 def plot_friction(found: RecordedResult, joint: int, axes: Axes | None = None) -> Axes:
-    """The friction of a joint, in N m (N), over its speed, in rad/s (m/s); in the band it is with 95 %.
-
-    Args:
-        found: what logs say, as `metaid.estimate` returns it.
-        joint: its number, from 0.
-        axes: to draw on; default: a new one.
-    """
+    """The friction of a `joint`, from 0 on, in N m (N), over its speed, in rad/s (m/s); in the band it is with 95 %."""
     axes = new_axes(axes)
     curve = friction_curves(found.estimate, SPEEDS.tolist())[joint]
     _band(axes, curve.speed, curve.torque, curve.sd)
@@ -69,13 +56,9 @@ def plot_friction(found: RecordedResult, joint: int, axes: Axes | None = None) -
 
 
 def plot_gravity(found: RecordedResult, joint: int, axes: Axes | None = None) -> Axes:
-    """The torque that holds a joint against gravity, in N m (N), where it alone turns and the others are at the middle
-    of their angles, in rad (m); in the band it is with 95 %, dashed is that of the nominal bodies.
-
-    Args:
-        found: what logs say, as `metaid.estimate` returns it.
-        joint: its number, from 0; gravity loads it.
-        axes: to draw on; default: a new one.
+    """The torque that holds a `joint`, from 0 on, against gravity that loads it, in N m (N), where it alone turns and
+    the others are at the middle of their angles, in rad (m); in the band it is with 95 %, dashed is that of the nominal
+    bodies.
     """
     axes = new_axes(axes)
     model = found.estimate.model
