@@ -49,7 +49,7 @@ def true_values(found: Excitation, robot: str | Path, seed: int) -> Array:
     else:
         chain = plant.chain
         chain = replace(chain, mass=wrong(chain.mass), inertia=wrong(chain.inertia))
-        values = chain_model(chain, plant.gravity, FRICTION).nominal
+        values = chain_model(chain, plant.gravity).nominal
     return np.concatenate([values, wrong(found.problem.nominal[model.nbody :])])
 
 

@@ -144,7 +144,7 @@ def tuned_least_squares(design: Design) -> tuple[str, list[Array]]:
     plant = load_chain(design.nominal)
     found = {}
     for terms in (("viscous", "coulomb"), ("viscous", "coulomb", "offset")):
-        model = chain_model(plant.chain, plant.gravity, terms).with_still(np.full(2, 0.02))
+        model = chain_model(plant.chain, plant.gravity).with_friction(terms).with_still(np.full(2, 0.02))
         for name, values in tuned(model, design.learned, CUTOFFS):
             pendulum = of_values(dict(zip(model.names, values.tolist(), strict=True)))
             found[f"least squares, {name}, {len(terms)} terms"] = errors(design.left_out, by_equations(pendulum))

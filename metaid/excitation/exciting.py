@@ -12,7 +12,7 @@ import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from metaid.errors import PlantError
-from metaid.excitation.forecast import FRICTION, LASTS, Forecast, Noise, forecast
+from metaid.excitation.forecast import LASTS, Forecast, Noise, forecast
 from metaid.excitation.limits import Limits, read_limits, usual_limits
 from metaid.excitation.search import Criterion, Problem, best_of_random, draws, improved
 from metaid.excitation.series import Series, Trajectory
@@ -90,7 +90,7 @@ class Excitation:
 
     def nominal_torques(self, times: Array) -> Array:
         """What the nominal robot needs (nstep x njoint), in N m or N."""
-        return self.problem.torques(self.at(times))
+        return self.problem.torques(*self.at(times))
 
 
 def excite(
@@ -141,7 +141,7 @@ def excite(
             seconds,
             problem,
             criterion,
-            forecast(problem.model, problem.nominal, series, seconds, noise),
+            forecast(problem, series, seconds, noise),
             _deviations(information + criterion.information(second) - nothing) / usual,
             _deviations(2.0 * information - nothing) / usual,
             None if problem.model.is_chain else _payload(plant, criterion, series),
@@ -150,7 +150,7 @@ def excite(
 
 def problem_of(plant: ArmPlant | MujocoPlant, limits: Limits, period: float) -> Problem:
     """What is searched of a robot."""
-    model, tree = model_of(plant, FRICTION), plant.tree
+    model, tree = model_of(plant), plant.tree
     nominal = np.concatenate([model.nominal, tree.damping, tree.coulomb])
     if isinstance(plant, MujocoPlant):
         return Problem(model, nominal, limits, period, None)

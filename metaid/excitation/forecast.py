@@ -9,9 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from metaid.excitation.search import Problem
 from metaid.excitation.series import Series
 from metaid.models import COARSEST, Array
-from metaid.recorded import Choices, LinearModel, Record, equations_like, estimate_records
+from metaid.recorded import Choices, Record, equations_like, estimate_records
 
 LASTS = 0.1  # s: how long a torque that no model explains lasts
 REHEARSED = 48  # logs, whose noise differs
@@ -82,21 +83,17 @@ def recorded(torques: Torques, series: Series, seconds: float, noise: Noise, see
     ]
 
 
-def forecast(model: LinearModel, nominal: Array, series: Series, seconds: float, noise: Noise) -> Forecast:
+def forecast(problem: Problem, series: Series, seconds: float, noise: Noise) -> Forecast:
     """What a log of a motion will say.
 
     Args:
-        model: what is unknown.
-        nominal: the unknowns beforehand (nparam).
+        problem: what the motion was found for.
         series: the motion.
         seconds: of the log.
         noise: of it.
     """
-
-    def torques(angles: Array, speeds: Array, accelerations: Array) -> Array:
-        return np.asarray(model.regressor(angles, speeds, accelerations) @ nominal, dtype=np.float64)
-
-    logs = recorded(torques, series, seconds, noise, range(REHEARSED))
+    model, nominal = problem.model, problem.nominal
+    logs = recorded(problem.torques, series, seconds, noise, range(REHEARSED))
     found = estimate_records(logs[:1], model, Choices(friction=FRICTION, zeros=False, delay=0.0))
 
     def rehearse(record: Record) -> tuple[Array, Array, Array]:
@@ -123,14 +120,14 @@ def forecast(model: LinearModel, nominal: Array, series: Series, seconds: float,
         nominal,
         deviations,
         np.asarray(deviations <= COARSEST * whole, dtype=np.bool_),
-        _unknown(model, nominal, series, found.covariance),
+        _unknown(problem, series, found.covariance),
     )
 
 
-def _unknown(model: LinearModel, nominal: Array, series: Series, covariance: Array) -> tuple[str, ...]:
+def _unknown(problem: Problem, series: Series, covariance: Array) -> tuple[str, ...]:
     """The joints whose torque is predicted to no better than a tenth along the motion."""
-    rows = model.regressor(*series.at(np.linspace(0.0, series.period, 200)))
+    rows = problem.model.regressor(*series.at(np.linspace(0.0, series.period, 200)))
     variance = np.einsum("tjp,pq,tjq->tj", rows, covariance, rows, optimize=True).mean(axis=0)
-    sizes = np.sqrt(((rows @ nominal) ** 2).mean(axis=0))
+    sizes = np.sqrt(((rows @ problem.nominal) ** 2).mean(axis=0))
     wide = np.sqrt(variance) > COARSEST * sizes
-    return tuple(name for name, is_wide in zip(model.joints, wide.tolist(), strict=True) if is_wide)
+    return tuple(name for name, is_wide in zip(problem.model.joints, wide.tolist(), strict=True) if is_wide)

@@ -18,6 +18,7 @@ MARGIN = 0.05  # of a joint's range that stays free at each end
 SWING, SLIDE = 1.5, 0.5  # rad, m: to either side of where a joint without limits is at home
 SPEED, SLIDING = 2.0, 0.5  # rad/s, m/s
 ACCELERATION, PUSHING = 10.0, 2.0  # rad/s², m/s²
+OF_JOINTS = ("low", "high", "speed", "acceleration", "torque")
 Positive = Annotated[float, Field(gt=0, le=1e9)]
 NotNegative = Annotated[float, Field(ge=0, le=1e9)]
 Finite = Annotated[float, Field(ge=-1e6, le=1e6)]
@@ -90,14 +91,8 @@ def read_limits(path: Path, plant: ArmPlant | MujocoPlant) -> Limits:
                 raise PlantError(f"{path}: {key}: {unknown('joint', name, names)}")
         return np.array([given.get(name, value) for name, value in zip(names, own.tolist(), strict=True)])
 
-    limits = Limits(
-        each("low", usual.low),
-        each("high", usual.high),
-        each("speed", usual.speed),
-        each("acceleration", usual.acceleration),
-        each("torque", usual.torque),
-        settings.floor,
-    )
+    of_joints = {key: each(key, getattr(usual, key)) for key in OF_JOINTS}
+    limits = Limits(**of_joints, floor=settings.floor)
     for name, torque in zip(names, limits.torque, strict=True):
         if torque == 0.0:
             raise PlantError(

@@ -11,15 +11,18 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from metaid.errors import PlantError
 from metaid.excitation.limits import Limits
-from metaid.excitation.series import Series, Trajectory, rest_to_rest
+from metaid.excitation.series import Series, rest_to_rest
 from metaid.models import Array
 from metaid.recorded import LinearModel
+
+if TYPE_CHECKING:
+    from metaid.excitation.contacts import Contacts  # loads MuJoCo
 
 HARMONICS = 12
 SAMPLES = 160  # of a period, for the criterion
@@ -42,12 +45,6 @@ class Shape:
     sines: Array
     cosines: Array
     place: Array
-
-
-class Meets(Protocol):
-    """What says what a robot touches in poses."""
-
-    def met(self, poses: Array) -> str | None: ...
 
 
 @dataclass(frozen=True)
@@ -101,16 +98,16 @@ class Problem:
     nominal: Array
     limits: Limits
     period: float
-    contacts: Meets | None
+    contacts: Contacts | None
 
     @cached_property
     def refused(self) -> Counter[str]:
         """Why series were given up, and how often."""
         return Counter()
 
-    def torques(self, motion: Trajectory) -> Array:
-        """What the nominal robot needs along a motion (nstep x njoint), in N m or N."""
-        return np.asarray(self.model.regressor(*motion) @ self.nominal, dtype=np.float64)
+    def torques(self, angles: Array, speeds: Array, accelerations: Array) -> Array:
+        """What the nominal robot needs along a motion (nstep x njoint each), in N m or N."""
+        return np.asarray(self.model.regressor(angles, speeds, accelerations) @ self.nominal, dtype=np.float64)
 
     def scaled(self, shape: Shape) -> Series:
         """The largest series of such a shape within coordinates, speeds and accelerations."""
@@ -163,7 +160,7 @@ class Problem:
             and (motion.angles <= limits.high).all()
             and (np.abs(motion.speeds) <= limits.speed).all()
             and (np.abs(motion.accelerations) <= limits.acceleration).all()
-            and (np.abs(self.torques(motion)) <= limits.torque).all()
+            and (np.abs(self.torques(*motion)) <= limits.torque).all()
             and self.is_clear(series, count)
         )
 

@@ -19,12 +19,11 @@ from metaid.recorded.friction_terms import with_friction
 from metaid.recorded.held_out import Yardstick
 from metaid.recorded.weak_form.equations import Equations, first_equations
 from metaid.recorded.weak_form.folds import folds_of
-from metaid.recorded.weak_form.linear_model import LinearModel
+from metaid.recorded.weak_form.linear_model import BASE, LinearModel
 from metaid.recorded.weak_form.smoothed import CUTOFFS, Smoothed
 
 # Length in s and degree of polynomials, the finest first.
 WINDOWS = ((0.06, 4), (0.1, 5), (0.15, 4), (0.2, 6), (0.25, 4), (0.35, 4), (0.3, 8), (0.5, 10))
-BASE = ("viscous", "coulomb")
 ALIKE = 1.005  # times the least error: of windows that predict alike the finest tell most
 DELAYS = np.arange(-0.040, 0.0401, 0.002)  # s
 PROMPT = 0.002  # s: a delay as of a control step is looked for before friction is, which a longer one looks like

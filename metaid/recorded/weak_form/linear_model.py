@@ -32,7 +32,7 @@ from metaid.models.tree import (
 )
 from metaid.plant import MujocoPlant, SimulatedPlant
 
-TERMS = (*COLUMNS, "hysteresis")
+TERMS, BASE = (*COLUMNS, "hysteresis"), ("viscous", "coulomb")
 STILL = 0.01  # rad/s or m/s, until the usual speeds of logs are known
 SPREAD = 0.3  # standard deviation of a nominal lump, as a share of it
 UNKNOWN_ROTOR = 5.0  # prior deviation of rotors, as `PriorDeviations` has it: a URDF knows nothing of gears
@@ -237,38 +237,23 @@ class LinearModel:
 
 
 def model_of(
-    plant: SimulatedPlant,
-    friction: tuple[str, ...] = ("viscous", "coulomb"),
-    coupled: tuple[tuple[int, int], ...] = (),
-    gravity: Sequence[float] | None = None,
+    plant: SimulatedPlant, coupled: tuple[tuple[int, int], ...] = (), gravity: Sequence[float] | None = None
 ) -> LinearModel:
-    """That of a nominal robot.
-
-    Args:
-        plant: the robot.
-        friction: the terms of every joint.
-        coupled: pairs of joints, from 0 on, whose motors are coupled.
-        gravity: in the frame of the base, in m/s², in place of an arm's own.
-
-    Raises:
-        RecordError: a planar chain says its own gravity.
+    """That of a nominal robot with plain friction, of which pairs of joints, from 0 on, have `coupled` motors; with
+    `gravity` in the frame of the base, in m/s², in place of an arm's own.  Raises RecordError where a planar chain says
+    its own.
     """
     if not isinstance(plant, MujocoPlant):
         tree = plant.tree if gravity is None else replace(plant.tree, gravity=np.asarray(gravity, dtype=np.float64))
-        return arm_model(tree, friction, coupled)
+        return arm_model(tree, coupled=coupled)
     if gravity is not None:
         raise RecordError("gravity: a planar chain says its own in its plant file (allowed: of an MJCF or URDF)")
-    return chain_model(plant.chain, plant.gravity, friction).with_coupled(coupled)
+    return chain_model(plant.chain, plant.gravity).with_coupled(coupled)
 
 
-def chain_model(chain: Chain, gravity: float, friction: tuple[str, ...] = ("viscous", "coulomb")) -> LinearModel:
-    """That of a planar chain, its lumps and the rotors of its joints unknown; that of the first joint cannot be told
-    from the link.
-
-    Args:
-        chain: the nominal one.
-        gravity: in m/s².
-        friction: the terms of every joint.
+def chain_model(chain: Chain, gravity: float) -> LinearModel:
+    """That of a nominal planar chain under `gravity`, in m/s², its lumps and the rotors of its joints unknown; that of
+    the first joint cannot be told from the link.
     """
     n, kinds = chain.nlink, (*IDEAL, "inertia")
     names = lump_names(n, kinds)
@@ -304,13 +289,13 @@ def chain_model(chain: Chain, gravity: float, friction: tuple[str, ...] = ("visc
             chain=chain,
             gravity=gravity,
         ),
-        friction,
+        BASE,
     )
 
 
 def arm_model(
     tree: Tree,
-    friction: tuple[str, ...] = ("viscous", "coulomb"),
+    friction: tuple[str, ...] = BASE,
     coupled: tuple[tuple[int, int], ...] = (),
 ) -> LinearModel:
     """That of an arm, its base parameters unknown, rotors among them.
