@@ -51,7 +51,8 @@ _mj_fwdConstraint = _stage("mj_fwdConstraint")  # noqa: N816
 
 
 class Step(NamedTuple):
-    """What a compiled loop steps with: MuJoCo's stages one by one where it `is_direct`, else `mj_step1` and `mj_step2`.
+    """What a compiled loop steps with: MuJoCo's stages one by one where it `is_direct`, else `mj_step1` and `mj_step2`;
+    that is None then, so that the type settles which when a loop is compiled.
 
     Views of the state, the applied torque (nlink), the links' rotation matrices (nlink x 9), the vectors that pass
     between the stages (nlink) and passive damping and stiffness (nlink); addresses; and whether there is dry friction.
@@ -74,12 +75,12 @@ class Step(NamedTuple):
     acceleration_at: int
     timestep: float
     is_dry: bool
-    is_direct: bool
+    is_direct: bool | None
 
 
 def mujoco_step(model: mujoco.MjModel, data: mujoco.MjData) -> Step:
     """`mj_step1` and `mj_step2` on these two, which must outlive it."""
-    return direct_step(model, data)._replace(is_direct=False)
+    return direct_step(model, data)._replace(is_direct=None)
 
 
 def direct_step(model: mujoco.MjModel, data: mujoco.MjData) -> Step:
@@ -101,7 +102,7 @@ def forget(chain):  # type: ignore[no-untyped-def]
     MuJoCo's solver of dry friction starts from the last solution, to which it would lead a little nearer than from
     anywhere else. The stages begin all else afresh.
     """
-    if chain.is_dry or not chain.is_direct:
+    if chain.is_direct is None or chain.is_dry:
         _mj_resetData(chain.model, chain.data)
 
 
@@ -119,10 +120,10 @@ def look(chain, links, stiffness):  # type: ignore[no-untyped-def]
 @compiled
 def advance(chain):  # type: ignore[no-untyped-def]
     """The second half, with the torque in `chain`."""
-    if chain.is_direct:
-        _advance_directly(chain)
-    else:
+    if chain.is_direct is None:
         _mj_step2(chain.model, chain.data)
+    else:
+        _advance_directly(chain)
 
 
 @compiled
@@ -134,10 +135,10 @@ def step_plant(chain):  # type: ignore[no-untyped-def]
 
 @compiled
 def _begin(chain):  # type: ignore[no-untyped-def]
-    if chain.is_direct:
-        _mj_kinematics(chain.model, chain.data)
-    else:
+    if chain.is_direct is None:
         _mj_step1(chain.model, chain.data)
+    else:
+        _mj_kinematics(chain.model, chain.data)
 
 
 @compiled
