@@ -123,10 +123,11 @@ def _half_text(half: float | None) -> str:
 
 def _model_error(errors: dict[str, float] | None) -> list[str]:
     """How wrong an arm's dynamics are on states that no trial has seen, where the truth is known."""
+    from metaid.results import MODEL_ERRORS
+
     if errors is None:
         return []
-    named = {"gravity": "gravity torque", "coriolis": "Coriolis torque", "mass_matrix": "mass matrix"}
-    said = ", ".join(f"{name} {error_text(errors[key], '')}" for key, name in named.items())
+    said = ", ".join(f"{name} {error_text(errors[key], '')}" for key, name in MODEL_ERRORS.items())
     return [f"on states that no trial has seen wrong by: {said}"]
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from metaid.study.estimates import CLOSE, FIRST_TRIALS, StudyEstimate
+from metaid.study.estimates import CLOSE, FIRST_TRIALS
 
 
 def describe_trials(shown: dict[str, Any], total: int) -> str:
@@ -30,11 +30,3 @@ def describe_known_from(shown: dict[str, Any], total: int) -> str:
         return f"after the first {first} of {total} trials some lump still moved by more than {CLOSE:.1%}"
     which = "the first" if known == 1 else f"the first {known}"
     return f"after {which} of {total} trials no lump moved by more than {CLOSE:.1%}"
-
-
-def approximation_rows(found: StudyEstimate, verdict: str) -> dict[str, Any]:
-    """What pushes that were left out say of an estimate that was `found`, as `study show --json` has it under
-    `estimate`; nothing where the `verdict` did not ask them.
-    """
-    worth = found.approximation if verdict in ("approximate", "not found") else None
-    return {} if worth is None else worth.summary()

@@ -17,7 +17,6 @@ from metaid.results.snapshot import Snapshot, read_snapshot
 from metaid.results.verdict import Verdict, judge
 from metaid.store import Store
 from metaid.study import Problem, StudySpec, with_nominal
-from metaid.study.estimates import StudyEstimate
 
 OF_FRICTION = {"damping": "viscous", "coulomb": "dry"}  # the fault that is of the same law
 
@@ -29,7 +28,8 @@ def identified_model(snapshot: Snapshot, even_if_not_found: bool = False) -> Ide
     verdict, spec, found = judge(snapshot), snapshot.spec, snapshot.estimate
     guess = None if verdict.has_result else _best_guess(snapshot, verdict)
     if not verdict.has_result and (guess is None or not even_if_not_found):
-        raise _no_model(snapshot.name, verdict, can_be_forced=guess is not None)
+        how = " (--even-if-not-found, in Python even_if_not_found=True, gives what there is)"
+        raise verdict.refusal(snapshot.name, "no identified model", "" if guess is None else how)
     table = verdict.lumps.assign(value=verdict.values if guess is None else guess)
     about = {
         "plant": spec.plant_name,
@@ -44,21 +44,17 @@ def identified_model(snapshot: Snapshot, even_if_not_found: bool = False) -> Ide
         "written": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         "metaid": metaid.__version__,
     }
+    stands = found if guess is None and verdict.source == "estimate" else None
     covariance = None
-    if guess is None and verdict.source == "estimate" and found is not None and found.estimate.counts is None:
+    if stands is not None and stands.estimate.counts is None:
         names = table["name"].tolist()
-        covariance = pd.DataFrame(found.value_covariance, index=names, columns=names)
+        covariance = pd.DataFrame(stands.value_covariance, index=names, columns=names)
     known = table["name"][table["identified"].notna()] if guess is None else table["name"]
     values = dict(zip(table["name"], table["value"].tolist(), strict=True))
-    beside = _beside(found if guess is None and verdict.source == "estimate" else None)
+    faults = None if stands is None else stands.estimate.faults
+    beside = {} if faults is None else dict(zip(faults.searched.names, faults.values.tolist(), strict=True))
     dynamics = _dynamics(snapshot.problem, values, known.tolist(), beside)
     return IdentifiedModel(snapshot.name, about, table, covariance, dynamics, spec.gravity, spec.plant.timestep)
-
-
-def _no_model(name: str, verdict: Verdict, can_be_forced: bool) -> StudyError:
-    """Why the study of that `name` has no identified model; and how to ask for what there is, where something is."""
-    how = " (--even-if-not-found, in Python even_if_not_found=True, gives what there is)" if can_be_forced else ""
-    return verdict.refusal(name, "no identified model", how)
 
 
 def started_from(store: Store, spec: StudySpec, other: str) -> StudySpec:
@@ -82,12 +78,6 @@ def _best_guess(snapshot: Snapshot, verdict: Verdict) -> Array | None:
     if verdict.source == "estimate":
         return None if snapshot.estimate is None else snapshot.estimate.estimate.values
     return None if snapshot.best is None else snapshot.problem.robot.sought.scale * snapshot.best.factors
-
-
-def _beside(found: StudyEstimate | None) -> dict[str, float]:
-    """The faults by name, in their units, that were found beside lumps or base parameters."""
-    faults = None if found is None else found.estimate.faults
-    return {} if faults is None else dict(zip(faults.searched.names, faults.values.tolist(), strict=True))
 
 
 def _dynamics(problem: Problem, values: dict[str, float], known: list[str], beside: dict[str, float]) -> Dynamics:

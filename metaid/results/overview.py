@@ -10,7 +10,6 @@ import numpy as np
 from metaid.frames import json_rows
 from metaid.results.body_tables import body_rows
 from metaid.results.candidates import identified_law
-from metaid.results.estimates import approximation_rows
 from metaid.results.lump_tables import fault_rows, largest_error
 from metaid.results.snapshot import Snapshot, counted_states, read_snapshot
 from metaid.results.verdict import NUMBERS, Verdict, judge
@@ -87,7 +86,10 @@ def _without_rounding(row: dict[str, Any]) -> dict[str, Any]:
 
 
 def _estimate(found: StudyEstimate, verdict: Verdict) -> dict[str, Any]:
-    """How well the model explains what was seen, and what of."""
+    """How well the model explains what was seen, and what of; where the verdict asked pushes that were left out, what
+    they say of it.
+    """
+    worth = found.approximation if verdict.word in ("approximate", "not found") else None
     return {
         "misfit": found.estimate.misfit,
         "explained_below": found.estimate.explained_below,
@@ -99,7 +101,7 @@ def _estimate(found: StudyEstimate, verdict: Verdict) -> dict[str, Any]:
         "half_width": found.half_width if found.explains else None,
         **_predicted(found),
         **_taken_up(found),
-        **approximation_rows(found, verdict.word),
+        **({} if worth is None else worth.summary()),
         **({"by_others": found.by_others} if found.by_others else {}),
     }
 

@@ -38,7 +38,8 @@ class PageFigure:
 
 def filled_in(template: str, **values: Any) -> str:
     """A page made of a `template` of this package and these `values`; what they say is escaped."""
-    versions = {"metaid": metaid.__version__, "Python": platform.python_version(), **_versions()}
+    versions = {"metaid": metaid.__version__, "Python": platform.python_version()}
+    versions |= {package: metadata.version(package) for package in VERSIONS_OF}
     page: str = templates().get_template(template).render({"versions": versions, **values})
     return with_contents(re.sub(r"<table.*?</table>", _labelled, page, flags=re.DOTALL))
 
@@ -101,10 +102,6 @@ def inline_svg(figure: Figure, prefix: str) -> Markup:
     svg = re.sub(r'(url\(#|href="#)', rf"\g<1>{prefix}", svg)
     # Its own output: no part of it but numbers and the study's checked names, which matplotlib has escaped.
     return Markup(svg.replace(INK, "currentColor"))
-
-
-def _versions() -> dict[str, str]:
-    return {package: metadata.version(package) for package in VERSIONS_OF}
 
 
 def sentence(text: str) -> str:
