@@ -13,21 +13,19 @@ from metaid.models import Array, Lumps
 from metaid.models.tree import Tree, kinetic_squares
 from metaid.plant import ArmPlant, ArmStart, FaultSettings, MujocoPlant
 
+COASTING = 0.1  # speeds changed by more than this share of what they were are no longer coasting
 WITHOUT_FALLS = FallRule(limit=np.inf)
 
 
-def coasting_steps(plant: MujocoPlant, lumps: Lumps, impulses: Array, steps: int, share: float) -> int:
-    """For how many steps a chain coasts after a push.
+def coasting_steps(plant: MujocoPlant, lumps: Lumps, impulses: Array, steps: int) -> int:
+    """For how many steps a chain coasts after a push: until a joint's speed has changed by a tenth of the speed of the
+    fastest link after the push.
 
     Args:
         plant: it is pushed from rest upright.
         lumps: of the law that compensates it.
         impulses: of the push (njoint), in N s.
-        steps: after which it is no longer watched.
-        share: of the fastest link's speed after the push, by which a joint's speed may change.
-
-    Returns:
-        The steps after which every joint speed was within the share, at most `steps`.
+        steps: after which it is no longer watched, the most that are returned.
     """
     from metaid.compiled import CompiledLoop  # loads numba
 
@@ -35,24 +33,21 @@ def coasting_steps(plant: MujocoPlant, lumps: Lumps, impulses: Array, steps: int
     angles, pushed = loop.run(lumps).angles[0], plant.start_speeds(loop.episode.starts[0])
     speeds = np.diff(angles, axis=0) / plant.timestep  # MuJoCo turns a joint by the speed that a step leads to
     changes = np.abs(speeds - pushed).max(axis=1)
-    return _steps_before(changes <= share * np.abs(np.cumsum(pushed)).max())
+    return _steps_before(changes <= COASTING * np.abs(np.cumsum(pushed)).max())
 
 
 def arm_coasting_steps(
-    plant: ArmPlant, laws: tuple[Array, Tree], starts: Sequence[ArmStart], steps: int, share: float
+    plant: ArmPlant, laws: tuple[Array, Tree], starts: Sequence[ArmStart], steps: int
 ) -> NDArray[np.int64]:
-    """For how many steps an arm coasts, with exact sensors and drives, whatever the ranges of its joints.
+    """For how many steps an arm coasts after each push (npush), with exact sensors and drives, whatever the ranges of
+    its joints: until its speeds have changed by a tenth of those at the start in a metric.
 
     Args:
         plant: that moves.
         laws: parameters (njoint x 13) of the arm whose bias torque it is sent, and the arm whose mass matrix is the
             metric.
         starts: from where, one push after another.
-        steps: after which a push is no longer watched.
-        share: of the joint speeds at the start, by which they may change in the metric.
-
-    Returns:
-        The steps of each push (npush) after which the speeds had not changed by more, at most `steps`.
+        steps: after which a push is no longer watched, the most that are returned.
     """
     from metaid.compiled.spatial import ArmLoop  # loads numba
 
@@ -70,7 +65,7 @@ def arm_coasting_steps(
         pushed = np.broadcast_to(starts[push].speeds, speeds.shape)
         with np.errstate(over="ignore", invalid="ignore"):  # an arm may run away as far as it likes
             changed, whole = (kinetic_squares(metric, angles, each) for each in (speeds - pushed, pushed))
-        coasted[push] = _steps_before(changed <= share**2 * whole)
+        coasted[push] = _steps_before(changed <= COASTING**2 * whole)
     return coasted
 
 

@@ -22,7 +22,6 @@ from metaid.results.coasting import arm_coasting_steps, coasting_steps
 from metaid.results.control import AMPLITUDE, BANDWIDTH, LOST, smooth_sinusoids, track
 from metaid.study import HORIZON
 
-COASTING = 0.1  # speeds changed by more than this share of what they were are no longer coasting
 COASTING_HORIZON = 100.0  # natural times for which a chain is watched
 ARM_HORIZON = 1.0  # s for which an arm is watched: joints cross half of their ranges at most
 SHORTEST, LONGEST = 1.0, 2.0  # s, periods of the joints of an arm along the trajectory
@@ -65,11 +64,9 @@ class ChainCourse:
         return rich_pushes(self.plant, self.count, REACH / (HORIZON * self.natural_time), self.seed)
 
     def coasting(self, law: Lumps) -> Array:
-        """How long each push (npush) coasts under a law, in s: until a joint's speed has changed by a tenth of the
-        speed of the fastest link after the push, at most for all steps.
-        """
+        """How long each push (npush) coasts under a law, in s, at most for all steps."""
         whole = self._whole(law)
-        steps = [coasting_steps(self.plant, whole, impulses, self.steps, COASTING) for impulses in self.pushes]
+        steps = [coasting_steps(self.plant, whole, impulses, self.steps) for impulses in self.pushes]
         return np.array(steps) * self.plant.timestep
 
     def tracking(self, law: Lumps) -> tuple[Array, bool]:
@@ -123,10 +120,8 @@ class ArmCourse:
         return np.array([(start.pose, start.speeds) for start in self.starts])
 
     def coasting(self, law: Array) -> Array:
-        """How long each push (npush) coasts under a law, in s: until the speeds have changed by a tenth in the metric,
-        at most for all steps.
-        """
-        steps = arm_coasting_steps(self.plant, (law, self.nominal), self.starts, self.steps, COASTING)
+        """How long each push (npush) coasts under a law, in s, at most for all steps."""
+        steps = arm_coasting_steps(self.plant, (law, self.nominal), self.starts, self.steps)
         return self.plant.timestep * steps.astype(np.float64)
 
     def tracking(self, law: Array) -> tuple[Array, bool]:

@@ -23,6 +23,7 @@ from metaid.study import Problem
 PUSHES, MOST_PUSHES = 10, 1000
 DEGREES = 180.0 / np.pi
 Joints = slice | NDArray[np.bool_]
+ALL = slice(None)
 
 
 @dataclass(frozen=True)
@@ -39,13 +40,8 @@ class Validated:
     errors: Array
     tracked: bool
 
-    @property
-    def rms_error(self) -> float:
-        """Root of the mean square of the tracking errors, in rad; infinite if control was lost."""
-        return self.rms_of(slice(None))
-
-    def rms_of(self, joints: Joints) -> float:
-        """The same of some `joints`, in rad or m."""
+    def rms_of(self, joints: Joints = ALL) -> float:
+        """Root mean square of the tracking errors of some `joints`, in rad or m; infinite if control was lost."""
         return float(np.sqrt((self.errors[:, joints] ** 2).mean())) if self.tracked else np.inf
 
     def max_of(self, joints: Joints) -> float:
@@ -88,7 +84,7 @@ class Validation:
     def kinds(self) -> dict[str, tuple[Joints, float]]:
         """The joints of each kind, by the unit that their errors are shown in, and how many of it a rad or m is."""
         if self.slides is None:
-            return {"deg": (slice(None), DEGREES)}
+            return {"deg": (ALL, DEGREES)}
         kinds = {"deg": (~self.slides, DEGREES), "mm": (self.slides, 1e3)}
         return {unit: (joints, scale) for unit, (joints, scale) in kinds.items() if joints.any()}
 
@@ -158,10 +154,5 @@ def validate_law(problem: Problem, identified: Any, pushes: int = PUSHES, seed: 
 
 
 def fresh_seed(study_seed: int, seed: int) -> int:
-    """Of a stream of random numbers that no study's pushes come from.
-
-    Args:
-        study_seed: the study's seed.
-        seed: of the validation; another one gives other pushes.
-    """
+    """Of a stream of random numbers that no study's pushes come from; another `seed` gives other pushes."""
     return int(np.random.SeedSequence([study_seed, seed]).generate_state(1)[0])

@@ -70,7 +70,7 @@ def test_compiled_loops_of_an_arm_give_the_numbers_of_plain_python(tree: Tree) -
     starts = draw_free_starts(tree, 3, 0.3, seed=1)
     for law in (tree, metric):
         expected = [coasted_stepwise(plant, law, metric, start, 0.1) for start in starts]
-        assert arm_coasting_steps(plant, (law.parameters, metric), starts, STEPS, 0.1).tolist() == expected
+        assert arm_coasting_steps(plant, (law.parameters, metric), starts, STEPS).tolist() == expected
         assert (min(expected) == STEPS) == (law is tree)
     motion = smooth_sinusoids(tree.njoint, 0.04, plant.timestep, amplitude=0.1)
     desired = motion.angles[:160], motion.speeds[:160], motion.accelerations[:160]
