@@ -3,7 +3,7 @@
 Only here are results compared with the true lumps. Neither MuJoCo nor numba is loaded before something is simulated.
 """
 
-from metaid.results.best import best_rows, identified_factors
+from metaid.results.best import best_and_even, evenly, identified_factors
 from metaid.results.body_tables import body_rows, describe_possible_bodies
 from metaid.results.candidates import candidates, candidates_of
 from metaid.results.comparison import Comparison, compare

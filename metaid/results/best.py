@@ -35,6 +35,18 @@ def best_rows(survivors: pd.DataFrame, count: int) -> pd.DataFrame:
     return best
 
 
+def evenly(rows: pd.DataFrame, most: int) -> pd.DataFrame:
+    """At most so many of the `rows`, evenly spaced."""
+    return rows.iloc[:: max(-(-len(rows) // most), 1)]
+
+
+def best_and_even(trials: pd.DataFrame, most: int, best: int) -> pd.DataFrame:
+    """At most so many of some `trials`: the `best` survivors among them, and others evenly spaced."""
+    kept = best_rows(trials[trials["state"] == "COMPLETE"], best)
+    both: pd.DataFrame = pd.concat([kept, evenly(trials.drop(kept.index), most - len(kept))])
+    return both
+
+
 def identified_factors(problem: Problem, factors: Array, values: Array) -> Array:
     """The candidate (n) that follows from a study's survivors, which are `factors` (ntrial x n) with `values` of the
     measure (ntrial), in the order in which they were evaluated.

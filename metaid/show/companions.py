@@ -12,7 +12,7 @@ import pandas as pd
 from optuna.distributions import BaseDistribution, FloatDistribution
 from optuna.trial import TrialState, create_trial
 
-from metaid.results import Findings, best_rows
+from metaid.results import Findings, best_and_even
 from metaid.store import COMPANION, Store
 
 MOST_TRIALS_SHOWN = 10_000  # trials that a browser shows without hanging
@@ -31,11 +31,7 @@ def companion_name(name: str) -> str:
 
 def thinned(trials: pd.DataFrame) -> pd.DataFrame:
     """At most KEPT rows of `trials`, in order: a quarter of them the best survivors, the others evenly spaced."""
-    best = best_rows(trials[trials["state"] == "COMPLETE"], KEPT // 4)
-    others = trials.drop(best.index)
-    even = others.iloc[:: max(-(-len(others) // (KEPT - len(best))), 1)]
-    kept: pd.DataFrame = pd.concat([best, even]).sort_values("number")
-    return kept
+    return best_and_even(trials, KEPT, KEPT // 4).sort_values("number")
 
 
 def write_companion(store: Store, found: Findings) -> optuna.Study:

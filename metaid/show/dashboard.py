@@ -18,10 +18,9 @@ from wsgiref.simple_server import WSGIRequestHandler, WSGIServer, make_server
 
 import numpy as np
 import optuna
-import pandas as pd
 
 from metaid.errors import MetaidError, optional_packages, printable
-from metaid.results import Findings, read_findings
+from metaid.results import Findings, evenly, read_findings
 from metaid.show.companions import companion_name, is_long, write_companion
 from metaid.show.figures import FALL, RANGE, SURVIVOR
 from metaid.show.loopback import loopback_only
@@ -153,7 +152,7 @@ def _convergence(found: Findings) -> Graph:
     best = survivors["value"].cummin()
     changes = survivors[best.diff().ne(0.0)]
     last = int(found.trials["number"].max())
-    falls = thinned_rows(found.falls)["number"]
+    falls = evenly(found.falls, POINTS)["number"]
     lines = [
         _trace(
             "best so far",
@@ -195,20 +194,15 @@ def _falls(found: Findings, first: str, second: str) -> Graph:
     kinds = [("survivor", found.survivors, RANGE, "circle"), ("fall", found.falls, FALL, "x")]
     data = []
     for label, rows, colour, symbol in kinds:
-        shown = thinned_rows(found.drawn_rows(rows))
+        shown = evenly(found.drawn_rows(rows), POINTS)
         marker = {"color": colour, "symbol": symbol, "size": 5}
         data.append(_trace(label, five_digits(shown[first]), shown[second], marker=marker))
     return Graph(data, _layout("Falls", found.sought.label(first), found.sought.label(second)))
 
 
 def _trace(name: str, x: list[Any], y: Any, **more: Any) -> dict[str, Any]:
-    """A curve, or marks, of that `name` in plotly's terms.
-
-    Args:
-        name: in the legend.
-        x: of its points (npoint), numbers or names.
-        y: of its points (npoint).
-        more: of plotly's keys.
+    """A curve, or marks, of that `name` in plotly's terms: its points are at `x` (npoint), numbers or names, and `y`
+    (npoint); `more` are plotly's keys.
     """
     return {"type": "scatter", "mode": "markers", "name": name, "x": x, "y": five_digits(y), **more}
 
@@ -220,8 +214,3 @@ def _layout(title: str, x: str, y: str, scale: str = "linear") -> dict[str, Any]
 def five_digits(numbers: Any) -> list[float]:
     """Numbers rounded to five digits, which is more than a graph shows."""
     return [float(f"{number:.5g}") for number in numbers]
-
-
-def thinned_rows(rows: pd.DataFrame) -> pd.DataFrame:
-    """At most POINTS of the `rows`, evenly spaced."""
-    return rows.iloc[:: max(-(-len(rows) // POINTS), 1)]

@@ -99,7 +99,7 @@ def plot_parallel(found: Findings, axes: Axes | None = None) -> Axes:
 
     Of many trials the best are drawn, and the others evenly thinned.
     """
-    from metaid.results import best_rows
+    from metaid.results import best_and_even, evenly
 
     axes = new_axes(axes)
     places = np.arange(len(found.names))
@@ -108,10 +108,8 @@ def plot_parallel(found: Findings, axes: Axes | None = None) -> Axes:
         factors = found.drawn(trials[found.names].to_numpy(dtype=np.float64))
         return list(np.stack([np.broadcast_to(places, factors.shape), factors], axis=-1))
 
-    best = best_rows(found.survivors, LINES // 2)
-    others = found.survivors.drop(best.index)
-    shown = pd.concat([best, _thinned(others, LINES // 2)]).sort_values("value", ascending=False)
-    falls = _thinned(found.falls, LINES // 4)
+    shown = best_and_even(found.survivors, LINES, LINES // 2).sort_values("value", ascending=False)
+    falls = evenly(found.falls, LINES // 4)
     if len(falls):
         axes.add_collection(
             LineCollection(lines(falls), colors=FALL, linewidths=0.6, linestyles=":", alpha=0.7, label="fall")
@@ -133,7 +131,3 @@ def plot_parallel(found: Findings, axes: Axes | None = None) -> Axes:
     if axes.get_legend_handles_labels()[0]:
         axes.legend(loc="best")
     return axes
-
-
-def _thinned(trials: pd.DataFrame, most: int) -> pd.DataFrame:
-    return trials.iloc[:: max(-(-len(trials) // most), 1)]
