@@ -190,7 +190,8 @@ def bodies(name: str, storage: str | None = None) -> pd.DataFrame:
         2  mass_3   kg     0.90  0.43  1.08     True   0.7
     """
     with closing(Store(storage or default_storage())) as store:
-        return results.bodies_frame(store, name)
+        snapshot = read_snapshot(store, name)
+        return results.bodies_table(snapshot, judge(snapshot))
 
 
 def studies(storage: str | None = None) -> pd.DataFrame:

@@ -4,7 +4,7 @@ Only here are results compared with the true lumps. Neither MuJoCo nor numba is 
 """
 
 from metaid.results.best import best_and_even, evenly, identified_factors
-from metaid.results.body_tables import body_rows, describe_possible_bodies
+from metaid.results.body_tables import bodies_table, body_rows, describe_possible_bodies
 from metaid.results.candidates import candidates, candidates_of
 from metaid.results.comparison import Comparison, compare
 from metaid.results.control import smooth_sinusoids, track
@@ -18,7 +18,6 @@ from metaid.results.overview import shown_rows, summary
 from metaid.results.snapshot import Snapshot, read_snapshot, snapshot_of
 from metaid.results.sweeps import Plane, Sweep, plane, sweep
 from metaid.results.tables import (
-    bodies_frame,
     estimate_frame,
     lumps_frame,
     studies_frame,

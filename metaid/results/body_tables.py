@@ -21,14 +21,10 @@ from metaid.results.verdict import Verdict
 
 
 def bodies_table(snapshot: Snapshot, verdict: Verdict) -> pd.DataFrame:
-    """One row a parameter of the links: what `metaid.bodies` gives.
-
-    Args:
-        snapshot: of a study.
-        verdict: on it.
-
-    Raises:
-        StudyError: the verdict is not that the estimate found lumps, or no body has such lumps.
+    """One row a mass, centre of mass and inertia of a link of a study, and, where no length is assumed, a length:
+    `name`, `unit`, `nominal`, `low` to `high` over all possible bodies whose lumps are within the ellipsoid of the
+    estimate's 95 % intervals, `bounded`, `true` where the plant knows it. Where a parameter is not `bounded`, `high` is
+    infinite.  Raises StudyError where the `verdict` is not that the estimate found lumps, or no body has such lumps.
     """
     if not verdict.has_result:
         raise StudyError(f"no bodies: the verdict is '{verdict.word}': {'; '.join(verdict.reasons)}")

@@ -6,7 +6,6 @@ import numpy as np
 import pandas as pd
 
 from metaid.errors import StudyError
-from metaid.results.body_tables import bodies_table
 from metaid.results.lump_tables import estimate_table, fault_rows, largest_error
 from metaid.results.snapshot import Snapshot, counted_states, read_snapshot, trials_table
 from metaid.results.verdict import judge
@@ -45,17 +44,6 @@ def estimate_frame(snapshot: Snapshot) -> pd.DataFrame:
     if snapshot.estimate is None:
         raise StudyError(f"study '{snapshot.name}' has no estimate: {snapshot.why_no_estimate}")
     return estimate_table(snapshot.problem, snapshot.estimate, snapshot.estimate.explains)
-
-
-def bodies_frame(store: Store, name: str) -> pd.DataFrame:
-    """One row a mass, centre of mass and inertia of a link, and, where no length is assumed, a length: `name`, `unit`,
-    `nominal`, `low` to `high` over all possible bodies whose lumps are within the ellipsoid of the estimate's 95 %
-    intervals, `bounded`, `true` where the plant knows it. Where a parameter is not `bounded`, `high` is infinite.
-
-    Raises StudyError where no estimate found lumps, or no body has such lumps.
-    """
-    snapshot = read_snapshot(store, name)
-    return bodies_table(snapshot, judge(snapshot))
 
 
 def studies_frame(store: Store) -> pd.DataFrame:
