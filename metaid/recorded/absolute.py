@@ -51,15 +51,9 @@ class Absolute:
         """What the joints have of a log."""
         if self.is_plain:
             return record
-        speeds = None if record.speeds is None else self.of_joints(record.speeds)
         repairs = tuple(Repair("absolute", len(record.times), note) for note in self.notes)
-        return replace(
-            record,
-            angles=self.of_joints(record.angles),
-            speeds=speeds,
-            torques=self.torques_of_joints(record.torques),
-            repairs=(*record.repairs, *repairs),
-        )
+        of_joints = record.mapped(self.of_joints).with_torques(self.torques_of_joints(record.torques))
+        return replace(of_joints, repairs=(*record.repairs, *repairs))
 
     def of_joints(self, logged: Array) -> Array:
         """Angles or their rates of joints (... x njoint), by those that were logged."""
