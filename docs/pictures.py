@@ -44,7 +44,6 @@ from browser import Browser, open_browser  # noqa: E402
 import metaid as api  # noqa: E402
 from metaid.cli.live import Live  # noqa: E402
 from metaid.plant import load_plant  # noqa: E402
-from metaid.recorded import left_out  # noqa: E402
 from metaid.results import read_findings  # noqa: E402
 from metaid.show import make_dashboard  # noqa: E402
 from metaid.show.figures import COLOURS, INK, Gallery, plant_figure, save, style  # noqa: E402
@@ -76,9 +75,9 @@ Made = Iterator[tuple[str, str]]  # the name of a picture that was written, and 
 
 def log(into: Path) -> Made:
     """The torques of a real double pendulum in one run, as the nominal model and the other two runs predict them."""
-    found = api.estimate("double-pendulum", "double-pendulum").estimate
-    nominal = replace(found, held_out=found.nominal_held_out)
-    shown, believed = left_out(found)[LOG_SHOWN], left_out(nominal)[LOG_SHOWN]
+    found = api.estimate("double-pendulum", "double-pendulum")
+    nominal = replace(found, estimate=replace(found.estimate, held_out=found.estimate.nominal_held_out))
+    shown, believed = found.left_out[LOG_SHOWN], nominal.left_out[LOG_SHOWN]
     times = shown.times - shown.times[shown.judged][0]
     with style():
         figure = Figure(figsize=(7.0, 3.0), layout="constrained")

@@ -15,9 +15,9 @@ from metaid.recorded.gains import Gains, Payload, drive_gains
 from metaid.recorded.held_out import HeldOut
 from metaid.recorded.reading.log import Intake, every_run
 from metaid.recorded.reading.readings import Record
-from metaid.recorded.result import Log, RecordedResult, estimate
+from metaid.recorded.result import Log, estimate
 from metaid.recorded.telling.curves import FrictionCurve, GravityCurve, friction_curves, gravity_curves
 from metaid.recorded.telling.judging import RecordedVerdict, judge_records
-from metaid.recorded.telling.left_out import LeftOut, left_out
 from metaid.recorded.telling.model_files import FileError
+from metaid.recorded.telling.told import LeftOut, RecordedResult
 from metaid.recorded.weak_form.linear_model import TERMS, LinearModel, arm_model, chain_model, model_of

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +12,12 @@ import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from metaid.errors import BranchesError, RecordError, unknown
-from metaid.exporting import IdentifiedModel
 from metaid.files import shipped_logs
 from metaid.models import Array
 from metaid.plant import ArmPlant, MujocoPlant, load_plant
 from metaid.recorded.absolute import Absolute, absolute_of
 from metaid.recorded.choosing import Choices
 from metaid.recorded.doubts.checks import facts_of
-from metaid.recorded.doubts.conventions import Fact
 from metaid.recorded.estimating import RecordedEstimate, estimate_records
 from metaid.recorded.friction_terms import usual_still
 from metaid.recorded.gains import Gains, Payload, drive_gains
@@ -28,81 +26,13 @@ from metaid.recorded.reading.branches import joints_named
 from metaid.recorded.reading.log import Intake, every_run
 from metaid.recorded.reading.readings import Record
 from metaid.recorded.reading.stretches import Stretches, refuse_unknown, without
-from metaid.recorded.telling.judging import RecordedVerdict, judge_records
-from metaid.recorded.telling.left_out import LeftOut, left_out, predicted_parts
-from metaid.recorded.telling.model_files import FileError, file_error, recorded_identified_model
-from metaid.recorded.telling.summary import summary
+from metaid.recorded.telling.judging import judge_records
+from metaid.recorded.telling.told import RecordedResult
 from metaid.recorded.weak_form.folds import Fold, Span
 from metaid.recorded.weak_form.linear_model import TERMS, LinearModel, model_of
 from metaid.recorded.weak_form.smoothed import Smoothed, smoothed
 
 Log = str | Path | pd.DataFrame
-
-
-@dataclass(frozen=True)
-class RecordedResult:
-    """What logs say of a robot.
-
-    Attributes:
-        plant: the name of the nominal robot.
-        records: the logs that were read.
-        estimate: what they say.
-        verdict: on it.
-        facts: what looks wrong in the logs, with the option that mends each.
-        validation: logs that nothing was fitted to, with how well they are predicted.
-        nominal_repairs: what the nominal robot's file says and cannot be, as sentences.
-    """
-
-    plant: str
-    records: tuple[Record, ...]
-    estimate: RecordedEstimate
-    verdict: RecordedVerdict
-    facts: tuple[Fact, ...]
-    validation: tuple[tuple[Smoothed, str, HeldOut], ...]
-    nominal_repairs: tuple[str, ...] = ()
-
-    def __repr__(self) -> str:
-        predicted = 100.0 * self.estimate.held_out.relative
-        return f"<RecordedResult of {self.plant}: {self.verdict.word}, torques left out predicted to {predicted:.3g} %>"
-
-    @property
-    def summary(self) -> dict[str, Any]:
-        """What `metaid estimate --json` prints, of files that were not written."""
-        return self.summary_with(())
-
-    def summary_with(self, files: Sequence[FileError]) -> dict[str, Any]:
-        """The same with files that were written."""
-        validation = [
-            {"path": name, "torque": found.summary["torque"], "motion": found.summary["motion"]}
-            for _, name, found in self.validation
-        ]
-        said = summary(self.plant, self.records, self.estimate, self.verdict, validation, files)
-        return said | {"nominal_repairs": list(self.nominal_repairs)}
-
-    @property
-    def model(self) -> IdentifiedModel:
-        """The identified model, to be written."""
-        return recorded_identified_model(self.records, self.plant, self.estimate, self.verdict)
-
-    @property
-    def left_out(self) -> list[LeftOut]:
-        """Torques over time of what was left out, predicted by what the others say, and of logs that nothing was fitted
-        to.
-        """
-        parts = left_out(self.estimate)
-        for own, name, held in self.validation:
-            parts += predicted_parts(self.estimate, Yardstick((own,), ()), held, (name,))
-        return parts
-
-    def error_of(self, path: str | Path) -> FileError:
-        """How well a file that was written predicts, loaded again: logs that nothing was fitted to where there are any,
-        else the logs themselves.
-        """
-        logs, zeros = self.estimate.logs, self.estimate.zeros
-        if self.validation:
-            logs = tuple(own for own, _, _ in self.validation)
-            zeros = np.array([held.parts[0].zeros for _, _, held in self.validation])
-        return file_error(Path(path), self.model.name, self.estimate, logs, zeros)
 
 
 def estimate(

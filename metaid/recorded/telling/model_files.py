@@ -4,19 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
-import metaid
-from metaid.exporting import ArmLaw, Dynamics, IdentifiedModel, couples_of, file_torques, not_in_xml
+from metaid.exporting import ArmLaw, Dynamics, couples_of, file_torques, not_in_xml
 from metaid.models import IDEAL, Array, Chain, chain_of_lumps
 from metaid.models.tree import PARAMETERS, JointFriction, Tree
 from metaid.recorded.estimating import RecordedEstimate
-from metaid.recorded.reading.readings import Record
-from metaid.recorded.telling.judging import RecordedVerdict
 from metaid.recorded.weak_form.smoothed import Smoothed
 
 
@@ -33,50 +28,8 @@ class FileError:
     why_not: str = ""
 
 
-def recorded_identified_model(
-    records: Sequence[Record], plant: str, found: RecordedEstimate, verdict: RecordedVerdict
-) -> IdentifiedModel:
-    """What logs have told: the law has the whole posterior mean, and bodies for simulators the one with viscous and
-    Coulomb friction alone.
-
-    Args:
-        records: the logs.
-        plant: the name of the nominal robot.
-        found: what the logs say.
-        verdict: on it.
-    """
-    table = verdict.lumps.copy()
-    table["value"] = table["identified"]
-    names = table["name"].tolist()
-    about = {
-        "plant": plant,
-        "rows": sum(len(record.times) for record in records),
-        "logs": [record.name for record in records],
-        "verdict": verdict.word,
-        "reasons": list(verdict.reasons),
-        "source": "estimate",
-        "misfit": None,
-        "delay_s": found.delay,
-        "zeros": found.zeros.tolist(),
-        "held_out_error": found.held_out.relative,
-        "written": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
-        "metaid": metaid.__version__,
-    }
-    if found.gains is not None:
-        about |= {"gains": found.gains.values.tolist(), "gain_deviations": found.gains.frame["sd"].tolist()}
-    name = records[0].name if len(records) == 1 else f"{records[0].name} and {len(records) - 1} more"
-    return IdentifiedModel(
-        name=name,
-        about=about,
-        lumps=table,
-        covariance=pd.DataFrame(found.covariance, index=names, columns=names),
-        dynamics=_dynamics(found),
-        gravity=found.model.gravity if found.model.is_chain else tuple(found.possible.tree.gravity.tolist()),
-        timestep=min(0.002, min(record.period for record in records)),
-    )
-
-
-def _dynamics(found: RecordedEstimate) -> Dynamics:
+def dynamics_of(found: RecordedEstimate) -> Dynamics:
+    """How the identified robot moves: bodies for simulators are those with plain friction."""
     tree, friction = found.possible.tree, found.model.friction_at(found.values)
     plain = found.simulator_model.friction_at(found.simulator.values)
     notes = not_in_xml(friction)

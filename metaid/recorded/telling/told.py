@@ -1,0 +1,192 @@
+"""What logs say of a robot: the verdict, the JSON that `metaid estimate` prints, the model, and what was left out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+import metaid
+from metaid.exporting import IdentifiedModel
+from metaid.frames import json_rows
+from metaid.models import Array
+from metaid.recorded.doubts.conventions import Fact
+from metaid.recorded.estimating import RecordedEstimate
+from metaid.recorded.held_out import HeldOut
+from metaid.recorded.reading.readings import Record
+from metaid.recorded.telling.curves import friction_curves
+from metaid.recorded.telling.judging import RecordedVerdict
+from metaid.recorded.telling.model_files import FileError, dynamics_of, file_error
+from metaid.recorded.weak_form.smoothed import Smoothed
+
+KEYS = ("name", "unit", "nominal", "value", "sd", "sd_systematic", "low", "high", "determined", "expression")
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """One log, or a third of it, that was predicted from the others: times in s (nrow), and torques that were
+    `measured` and `predicted` (nrow x njoint), in N m or N, through the filter; `judged` are the rows that count.
+    """
+
+    log: str
+    times: Array
+    measured: Array
+    predicted: Array
+    judged: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class RecordedResult:
+    """What logs say of a robot.
+
+    Attributes:
+        plant: the name of the nominal robot.
+        records: the logs that were read.
+        estimate: what they say.
+        verdict: on it.
+        facts: what looks wrong in the logs, with the option that mends each.
+        validation: logs that nothing was fitted to, with how well they are predicted.
+        nominal_repairs: what the nominal robot's file says and cannot be, as sentences.
+    """
+
+    plant: str
+    records: tuple[Record, ...]
+    estimate: RecordedEstimate
+    verdict: RecordedVerdict
+    facts: tuple[Fact, ...]
+    validation: tuple[tuple[Smoothed, str, HeldOut], ...]
+    nominal_repairs: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        predicted = 100.0 * self.estimate.held_out.relative
+        return f"<RecordedResult of {self.plant}: {self.verdict.word}, torques left out predicted to {predicted:.3g} %>"
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """What `metaid estimate --json` prints, of files that were not written."""
+        return self.summary_with(())
+
+    def summary_with(self, files: Sequence[FileError]) -> dict[str, Any]:
+        """The same with files that were written."""
+        found, rows = self.estimate, self.verdict.lumps.rename(columns={"identified": "value"})
+        equations, model = found.equations, found.model
+        return {
+            "name": self.records[0].name,
+            "plant": self.plant,
+            "verdict": self.verdict.word,
+            "reasons": list(self.verdict.reasons),
+            "logs": [
+                {
+                    "path": record.name,
+                    "rows": len(record.times),
+                    "seconds": float(record.times[-1] - record.times[0]),
+                    "zeros": zeros,
+                    "repairs": [asdict(repair) for repair in record.repairs],
+                }
+                for record, zeros in zip(self.records, found.zeros.tolist(), strict=True)
+            ],
+            "held_out": found.held_out.summary,
+            "nominal_held_out": found.nominal_held_out.summary,
+            "validation": [
+                {"path": name, **{key: held.summary[key] for key in ("torque", "motion")}}
+                for _, name, held in self.validation
+            ],
+            "parameters": json_rows(rows[list(KEYS)]),
+            "friction": {
+                "terms": list(model.terms),
+                "presliding": model.sliding.presliding.tolist(),
+                "coupled": [[one + 1, other + 1] for one, other in model.sliding.coupled],
+                "taken_up": [{"what": what, "error": change} for what, change in found.chosen.tried],
+                "curve": [
+                    {
+                        "joint": curve.joint,
+                        "speed": curve.speed.tolist(),
+                        "torque": curve.torque.tolist(),
+                        "sd": curve.sd.tolist(),
+                    }
+                    for curve, is_unknown in zip(friction_curves(found), model.untrusted, strict=True)
+                    if not is_unknown
+                ],
+            },
+            "delay": found.delay,
+            "delay_at_bound": found.chosen.delay_at_bound,
+            "gains": None if found.gains is None else json_rows(found.gains.frame),
+            "scale": found.scale,
+            "window": {
+                "seconds": equations.span,
+                "degree": equations.parts[0].windows.degree,
+                "count": equations.nwindow,
+                "cutoff_hz": found.logs[0].cutoff,
+                "moving_s": found.moved,
+            },
+            "misfit": found.misfit,
+            "files": [asdict(each) for each in files],
+            "nominal_repairs": list(self.nominal_repairs),
+        }
+
+    @property
+    def model(self) -> IdentifiedModel:
+        """The identified model, to be written: the law has the whole posterior mean, and bodies for simulators the one
+        with viscous and Coulomb friction alone.
+        """
+        found, records, table = self.estimate, self.records, self.verdict.lumps
+        names = table["name"].tolist()
+        about = {
+            "plant": self.plant,
+            "rows": sum(len(record.times) for record in records),
+            "logs": [record.name for record in records],
+            "verdict": self.verdict.word,
+            "reasons": list(self.verdict.reasons),
+            "source": "estimate",
+            "misfit": None,
+            "delay_s": found.delay,
+            "zeros": found.zeros.tolist(),
+            "held_out_error": found.held_out.relative,
+            "written": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+            "metaid": metaid.__version__,
+        }
+        if found.gains is not None:
+            about |= {"gains": found.gains.values.tolist(), "gain_deviations": found.gains.frame["sd"].tolist()}
+        return IdentifiedModel(
+            name=records[0].name if len(records) == 1 else f"{records[0].name} and {len(records) - 1} more",
+            about=about,
+            lumps=table.assign(value=table["identified"]),
+            covariance=pd.DataFrame(found.covariance, index=names, columns=names),
+            dynamics=dynamics_of(found),
+            gravity=found.model.gravity if found.model.is_chain else tuple(found.possible.tree.gravity.tolist()),
+            timestep=min(0.002, min(record.period for record in records)),
+        )
+
+    @property
+    def left_out(self) -> list[LeftOut]:
+        """All logs, or their thirds, each predicted by what the others say, and logs that nothing was fitted to."""
+        found = self.estimate
+        held_out = [(found.chosen.yardstick.logs, found.held_out, found.names)]
+        held_out += [((own,), held, (name,)) for own, name, held in self.validation]
+        return [
+            LeftOut(
+                names[part.log],
+                logs[part.log].times,
+                logs[part.log].acting(found.delay),
+                logs[part.log].predicted(found.model, part.values, part.zeros),
+                part.rows,
+            )
+            for logs, held, names in held_out
+            for part in held.parts
+        ]
+
+    def error_of(self, path: str | Path) -> FileError:
+        """How well a file that was written predicts, loaded again: logs that nothing was fitted to where there are any,
+        else the logs themselves.
+        """
+        logs, zeros = self.estimate.logs, self.estimate.zeros
+        if self.validation:
+            logs = tuple(own for own, _, _ in self.validation)
+            zeros = np.array([held.parts[0].zeros for _, _, held in self.validation])
+        return file_error(Path(path), self.model.name, self.estimate, logs, zeros)
