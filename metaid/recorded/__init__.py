@@ -18,6 +18,5 @@ from metaid.recorded.reading.readings import Record
 from metaid.recorded.result import Log, estimate
 from metaid.recorded.telling.curves import FrictionCurve, GravityCurve, friction_curves, gravity_curves
 from metaid.recorded.telling.judging import RecordedVerdict, judge_records
-from metaid.recorded.telling.model_files import FileError
-from metaid.recorded.telling.told import LeftOut, RecordedResult
+from metaid.recorded.telling.told import FileError, LeftOut, RecordedResult
 from metaid.recorded.weak_form.linear_model import TERMS, LinearModel, arm_model, chain_model, model_of

@@ -13,7 +13,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 import metaid
-from metaid.exporting import IdentifiedModel
+from metaid.exporting import IdentifiedModel, file_torques
 from metaid.frames import json_rows
 from metaid.models import Array
 from metaid.recorded.doubts.conventions import Fact
@@ -22,7 +22,7 @@ from metaid.recorded.held_out import HeldOut
 from metaid.recorded.reading.readings import Record
 from metaid.recorded.telling.curves import friction_curves
 from metaid.recorded.telling.judging import RecordedVerdict
-from metaid.recorded.telling.model_files import FileError, dynamics_of, file_error
+from metaid.recorded.telling.model_files import dynamics_of
 from metaid.recorded.weak_form.smoothed import Smoothed
 
 KEYS = ("name", "unit", "nominal", "value", "sd", "sd_systematic", "low", "high", "determined", "expression")
@@ -39,6 +39,19 @@ class LeftOut:
     measured: Array
     predicted: Array
     judged: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class FileError:
+    """How well a written file predicts: the error of its torques as a share of what they are (`relative`), of each
+    joint (`by_joint`), on how many `rows`; None where it predicts none, and `why_not`.
+    """
+
+    path: str
+    relative: float | None
+    by_joint: tuple[float, ...]
+    rows: int
+    why_not: str = ""
 
 
 @dataclass(frozen=True)
@@ -182,11 +195,27 @@ class RecordedResult:
         ]
 
     def error_of(self, path: str | Path) -> FileError:
-        """How well a file that was written predicts, loaded again: logs that nothing was fitted to where there are any,
-        else the logs themselves.
+        """How well a file that was written predicts, loaded again, the torques of the rows that are judged (Eq. 73): of
+        logs that nothing was fitted to where there are any, else of the logs themselves.
         """
-        logs, zeros = self.estimate.logs, self.estimate.zeros
+        path, found = Path(path), self.estimate
+        model, tree = found.model, found.possible.tree
+        logs, zeros = found.logs, list(found.zeros)
         if self.validation:
             logs = tuple(own for own, _, _ in self.validation)
-            zeros = np.array([held.parts[0].zeros for _, _, held in self.validation])
-        return file_error(Path(path), self.model.name, self.estimate, logs, zeros)
+            zeros = [held.parts[0].zeros for _, _, held in self.validation]
+        squares, whole, rows = np.zeros(model.njoint), np.zeros(model.njoint), 0
+        name, bodies = self.model.name, found.values[: model.nbody]
+        for own, zero in zip(logs, zeros, strict=True):
+            motion = own.coordinates + zero, own.speeds, own.accelerations
+            predicted = file_torques(path, name, *motion, tree.names, gravity=tree.gravity)
+            if predicted.torques is None:
+                return FileError(str(path), None, (), 0, predicted.why_not)
+            sent = own.acting(found.delay)
+            left = (sent - own.filtered(predicted.torques))[own.judged]
+            squares = squares + model.trusted_alone((left**2).sum(axis=0))
+            whole = whole + own.whole(model, bodies, sent)[own.judged].sum(axis=0)
+            rows += len(left)
+        relative = float(np.sqrt(squares.sum() / max(whole.sum(), 1e-300)))
+        by_joint = np.sqrt(squares / np.maximum(whole, 1e-300))
+        return FileError(str(path), relative, tuple(by_joint.tolist()), rows)
