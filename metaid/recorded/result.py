@@ -144,13 +144,14 @@ def estimate(
     with threadpool_limits(1):  # matrices this small are slower on several
         gains = _gains(records, loaded, model) if loaded else None
         if gains is not None:
-            records, others = (tuple(_multiplied(each, gains) for each in every) for every in (records, others))
+            records, others = (
+                tuple(each.with_torques(each.torques * gains.values) for each in every) for every in (records, others)
+            )
         found = estimate_records(records, model, choices, gains)
         facts = facts_of(found, measured)
         verdict = judge_records(records, found, [fact.text for fact in facts])
-        validation = tuple(
-            (own, other.name, _validated(found, own)) for other in others if (own := _smoothed(found, other))
-        )
+        heard = [replace(smoothed(other), cutoff=found.logs[0].cutoff) for other in others]
+        validation = tuple((own, other.name, _validated(found, own)) for own, other in zip(heard, others, strict=True))
     return RecordedResult(plant.name, records, found, verdict, facts, validation, (*chosen_joints, *plant.repairs))
 
 
@@ -228,20 +229,12 @@ def _gains(unloaded: Sequence[Record], loaded: Sequence[tuple[Record, Payload]],
     return drive_gains(free, carrying, model.with_still(still), model.prior.nominal)
 
 
-def _multiplied(record: Record, gains: Gains) -> Record:
-    return record.with_torques(record.torques * gains.values)
-
-
 def _with_shipped(logs: Sequence[Log] | Log) -> list[Log]:
     """One log or several, with all runs in place of the name that they ship under."""
     every: list[Log] = []
     for log in [logs] if isinstance(logs, str | Path | pd.DataFrame) else logs:
         every += (not isinstance(log, pd.DataFrame) and shipped_logs(str(log))) or [log]
     return every
-
-
-def _smoothed(found: RecordedEstimate, record: Record) -> Smoothed:
-    return replace(smoothed(record), cutoff=found.logs[0].cutoff)
 
 
 def _validated(found: RecordedEstimate, own: Smoothed) -> HeldOut:

@@ -55,10 +55,9 @@ def gravity_curves(found: RecordedEstimate) -> list[GravityCurve]:
         rest = np.zeros_like(poses)
         columns = model.bodies(poses, rest, rest)[:, joint]
         if np.abs(columns @ bodies).max() > NOTHING * usual:
-            variance = np.einsum("ij,jk,ik->i", columns, covariance, columns)
-            deviations = np.sqrt(np.maximum(variance, 0.0))
             nominal = found.scale * (columns @ model.nominal)
-            curves.append(GravityCurve(model.joints[joint], poses[:, joint], columns @ bodies, deviations, nominal))
+            torque, sd = _told(columns, bodies, covariance)
+            curves.append(GravityCurve(model.joints[joint], poses[:, joint], torque, sd, nominal))
     return curves
 
 
@@ -77,21 +76,17 @@ def friction_curves(found: RecordedEstimate, shares: Sequence[float] = SHARES) -
         rigid[:, joint] = usual[joint]
         sliding = model.sliding.steady(moving)
         columns = model.friction_columns(moving, np.zeros_like(moving), sliding, rigid)[:, joint]
-        offset = np.zeros(columns.shape[1])
         if ("offset", joint) in model.columns:
-            offset[model.columns["offset", joint] - model.nbody] = 1.0
-        columns = columns * (1.0 - offset)
-        covariance = found.covariance[model.nbody :, model.nbody :]
-        variance = np.einsum("ij,jk,ik->i", columns, covariance, columns)
-        curves.append(
-            FrictionCurve(
-                model.joints[joint],
-                speeds,
-                columns @ found.values[model.nbody :],
-                np.sqrt(np.maximum(variance, 0.0)),
-            )
-        )
+            columns[:, model.columns["offset", joint] - model.nbody] = 0.0
+        torque, sd = _told(columns, found.values[model.nbody :], found.covariance[model.nbody :, model.nbody :])
+        curves.append(FrictionCurve(model.joints[joint], speeds, torque, sd))
     return curves
+
+
+def _told(columns: Array, values: Array, covariance: Array) -> tuple[Array, Array]:
+    """The torques (N) that `columns` (N x n) make of `values` of unknowns (n), and their standard deviations (N)."""
+    variance = np.einsum("ij,jk,ik->i", columns, covariance, columns)
+    return columns @ values, np.sqrt(np.maximum(variance, 0.0))
 
 
 def _usual_load(found: RecordedEstimate) -> Array:
