@@ -153,9 +153,10 @@ static inline void ${name}_inverse_dynamics(const double q[], const double qd[],
 %pairs     /* of each joint, then of each such motor, in N m s and N m */
     static const double damping[M] = $damping;
     static const double coulomb[M] = $coulomb;
-%!smooth     /* in rad/s: what is slower has that share of its dry friction */
-%smooth     /* in rad/s: tanh(speed / still) is the share of dry friction */
+    /* in rad/s: what is slower has that share of its dry friction */
     static const double still[M] = $still;
+%bent     /* in rad/s: where it is above 0 tanh(speed / bent) is the share */
+%bent     static const double bent[M] = $bent;
 %root     /* dry friction for a unit of the root of the speed, in N m s^0.5 */
 %root     static const double root[M] = $root;
 %dahl     /* displacement over which dry friction builds up, in rad; where it is 0 still counts */
@@ -171,9 +172,10 @@ static inline void ${name}_inverse_dynamics(const double q[], const double qd[],
     for (i = 0; i < M; i++) {
 %!pairs         const double speed = qd[i];
 %pairs         const double speed = i < N ? qd[i] : qd[coupled[i - N][0]] + qd[coupled[i - N][1]];
-%!smooth         double share = fmax(-1.0, fmin(1.0, speed / still[i])), dry = coulomb[i];
-%smooth         double share = tanh(speed / still[i]), dry = coulomb[i];
+        double share = fmax(-1.0, fmin(1.0, speed / still[i])), dry = coulomb[i];
 
+%bent         if (bent[i] > 0.0)
+%bent             share = tanh(speed / bent[i]);
 %dahl         if (slip && presliding[i] > 0.0)
 %dahl             share = slip[i];
 %root         dry += root[i] * sqrt(fabs(speed));

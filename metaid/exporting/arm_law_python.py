@@ -22,8 +22,8 @@ ROTOR = $rotor  # of each joint, in kg m^2 (kg): what turns with its motor
 DAMPING = $damping  # viscous friction, in N m s (N s/m)
 COULOMB = $coulomb  # dry friction, in N m (N)
 %root ROOT = $root  # dry friction for a unit of the root of the speed, in N m s^0.5
-%!smooth STILL = $still  # rad/s (m/s): what is slower has that share of its dry friction
-%smooth STILL = $still  # rad/s (m/s): tanh(speed / STILL) is the share of its dry friction
+STILL = $still  # rad/s (m/s): what is slower has that share of its dry friction
+%bent BENT = $bent  # rad/s (m/s): where it is above 0 tanh(speed / BENT) is that share
 %dahl PRESLIDING = $presliding  # rad (m) over which dry friction builds up; where it is 0 STILL counts
 %load # Of each joint: dry friction as a share of the size of the torque of bodies and rotors.
 %load LOAD = $load
@@ -61,8 +61,8 @@ def torque(q, qd):
     torques = _rigid(q, qd, qdd, GRAVITY)
 %pairs     speeds = qd + [qd[i] + qd[j] for i, j in COUPLED]
 %!pairs     speeds = qd
-%!smooth     share = [max(-1.0, min(1.0, speed / still)) for speed, still in zip(speeds, STILL)]
-%smooth     share = [math.tanh(speed / still) for speed, still in zip(speeds, STILL)]
+    share = [max(-1.0, min(1.0, speed / still)) for speed, still in zip(speeds, STILL)]
+%bent     share = [math.tanh(speed / v) if v else each for speed, v, each in zip(speeds, BENT, share)]
 %dahl     if slip is not None:
 %dahl         share = [mine if over else each for mine, over, each in zip(slip, PRESLIDING, share)]
     dry = list(COULOMB)

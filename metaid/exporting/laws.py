@@ -154,7 +154,7 @@ class ArmLaw:
             "root": friction.of("root"),
             "still": sliding.means(sliding.still),
             "presliding": sliding.means(sliding.presliding),
-            "smooth": np.array([sliding.is_smooth]),
+            "bent": sliding.means(sliding.bent),
             "load": friction.of("load")[: self.njoint],
             "offset": friction.of("offset")[: self.njoint],
             "coupled": np.array(sliding.coupled, dtype=np.intp).reshape(-1, 2),
@@ -185,10 +185,8 @@ def c_name(name: str) -> str:
 
 def _kept(template: str, constants: Constants) -> str:
     """The lines of a template that a robot with these constants needs, without the %words that say so."""
-    has = {
-        word: word in constants and bool(np.any(constants[word]))
-        for word in ("root", "load", "offset", "rotor", "smooth")
-    }
+    words = ("root", "load", "offset", "rotor", "bent")
+    has = {word: word in constants and bool(np.any(constants[word])) for word in words}
     has |= {"dahl": bool(np.any(constants.get("presliding", 0.0))), "pairs": len(constants.get("coupled", ())) > 0}
     lines = []
     for line in template.splitlines(keepends=True):

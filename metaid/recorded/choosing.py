@@ -27,6 +27,7 @@ WINDOWS = ((0.06, 4), (0.1, 5), (0.15, 4), (0.2, 6), (0.25, 4), (0.35, 4), (0.3,
 ALIKE = 1.005  # times the least error: of windows that predict alike the finest tell most
 DELAYS = np.arange(-0.040, 0.0401, 0.002)  # s
 PROMPT = 0.002  # s: a delay as of a control step is looked for before friction is, which a longer one looks like
+SLOW = 0.01  # of a joint's usual speed: below it dry friction is a share of its whole
 USUAL = 0.3  # s: the windows that the cut-off of the yardstick is chosen with are no longer
 NEARLY = 1.25  # times the least error
 
@@ -177,6 +178,13 @@ def with_cutoff(logs: Sequence[Smoothed], model: LinearModel, zeros: bool, scale
     best = min(errors.values())
     highest = next(cutoff for cutoff, error in errors.items() if error <= NEARLY * best)
     return tuple(replace(own, cutoff=highest) for own in logs)
+
+
+def usual_still(logs: Sequence[Smoothed]) -> Array:
+    """Below which speed of each joint (njoint) dry friction is a share of its whole, in rad/s or m/s."""
+    squares = np.mean([(own.speeds**2).mean(axis=0) for own in logs], axis=0)
+    usual = np.sqrt(squares)
+    return np.asarray(np.where(usual > 0.0, SLOW * usual, 1.0), dtype=np.float64)
 
 
 def fastest(logs: Sequence[Smoothed]) -> Array:

@@ -16,12 +16,12 @@ from metaid.recorded.choosing import (
     choose,
     fastest,
     likely_delay,
+    usual_still,
     with_cutoff,
 )
 from metaid.recorded.comparing import WORTH
 from metaid.recorded.doubts.scales import scales_of, torque_scale
 from metaid.recorded.doubts.suspects import examined, suspects
-from metaid.recorded.friction_terms import usual_still
 from metaid.recorded.gains import Gains
 from metaid.recorded.held_out import HeldOut
 from metaid.recorded.reading.readings import Record
@@ -140,7 +140,7 @@ def estimate_records(
     equations, yardstick = chosen.equations, chosen.yardstick
     starts = MANY_STARTS if model.is_pendulum else FEW_STARTS
     possible, solutions = _possible(equations, logs)
-    plain = equations.with_model(equations.model.with_friction(BASE).with_still(usual_still(logs)))
+    plain = equations.with_model(equations.model.with_friction(BASE))
     simulator, simulator_solutions = _possible(plain, logs)
     repeated = np.array([each.values for each in solutions])
     covariance = _widened(_projected(equations, possible), repeated)

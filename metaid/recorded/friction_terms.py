@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from functools import partial
 
 import numpy as np
@@ -13,11 +13,9 @@ from metaid.models.tree import COLUMNS
 from metaid.recorded.comparing import WORTH, Missed, Search
 from metaid.recorded.weak_form.equations import Equations
 from metaid.recorded.weak_form.linear_model import LinearModel
-from metaid.recorded.weak_form.smoothed import Smoothed
 
 PRESLIDING = (1e-4, 3e-4, 1e-3, 3e-3)  # rad or m, of all joints alike
-SLOW = 0.007  # of a joint's usual speed: below it dry friction is a share of its whole
-SLOWER = (0.02, 0.07, 0.2)  # of the same, of all joints alike
+BENT = (2.0, 7.0, 20.0)  # times the speed below which dry friction is cut short, of all joints alike
 FINER = (0.3, 0.55, 1.0, 1.8, 3.3, 6.0, 10.0)  # times either, of each joint by itself
 Widened = Callable[[NDArray[np.bool_]], LinearModel]
 
@@ -38,9 +36,8 @@ def with_friction(
         every = np.ones(present.model.njoint)
         others = [present.with_model(present.model.with_presliding(size * every)) for size in PRESLIDING]
         missed, present = min(zip(search.missed(others), others, strict=True), key=lambda each: each[0].whole)
-    usual = present.model.sliding.still
     while asked is None:
-        tried = [_in_joints(search, present, missed, *each) for each in _further(present.model, usual)]
+        tried = [_in_joints(search, present, missed, *each) for each in _further(present.model)]
         worth = [each for each in tried if each is not None]
         if not worth:
             break
@@ -48,22 +45,14 @@ def with_friction(
     sliding = present.model.sliding
     if sliding.builds_up:
         present, missed = _finer(search, present, missed, sliding.presliding, present.model.with_presliding)
-    if (sliding.still != usual).any():
-        bent = np.where(sliding.still == usual, 0.0, sliding.still)
-        present, missed = _finer(search, present, missed, bent, lambda own: _with_still(present.model, own, own > 0.0))
+    if sliding.bent.any():
+        present, missed = _finer(search, present, missed, sliding.bent, present.model.with_bent)
     return present, missed
 
 
-def usual_still(logs: Sequence[Smoothed]) -> Array:
-    """Below which speed of each joint (njoint) dry friction is a share of its whole, in rad/s or m/s."""
-    squares = np.mean([(own.speeds**2).mean(axis=0) for own in logs], axis=0)
-    usual = np.sqrt(squares)
-    return np.asarray(np.where(usual > 0.0, SLOW * usual, 1.0), dtype=np.float64)
-
-
-def _further(model: LinearModel, usual: Array) -> Iterator[tuple[str, NDArray[np.bool_], Widened]]:
+def _further(model: LinearModel) -> Iterator[tuple[str, NDArray[np.bool_], Widened]]:
     """What may be added to the friction of a model: its name, the joints that lack it (njoint), and the model with it
-    in some of them. Without it dry friction is a share of its whole below `usual` speeds (njoint).
+    in some of them.
     """
     n, presliding = model.njoint, model.sliding.presliding
     for term in COLUMNS:
@@ -73,18 +62,18 @@ def _further(model: LinearModel, usual: Array) -> Iterator[tuple[str, NDArray[np
     for size in PRESLIDING if (presliding == 0.0).any() else ():
         more = partial(_with_presliding, model, size)
         yield f"hysteresis, δ = {size:g}", presliding == 0.0, more
-    at_once = (presliding == 0.0) & (model.sliding.still == usual)
-    for share in SLOWER if at_once.any() and {"coulomb", "root"} & set(model.friction) else ():
-        slower = partial(_with_still, model, share / SLOW * usual)
-        yield f"dry friction regularised below {share:.0%} of usual speeds", at_once, slower
+    at_once = (presliding == 0.0) & (model.sliding.bent == 0.0)
+    for factor in BENT if at_once.any() and {"coulomb", "root"} & set(model.friction) else ():
+        bent = partial(_with_bent, model, factor * model.sliding.still)
+        yield f"dry friction bent, v = {factor:.0f} % of usual speeds", at_once, bent
 
 
 def _with_presliding(model: LinearModel, size: float, joints: NDArray[np.bool_]) -> LinearModel:
     return model.with_presliding(np.where(joints, size, model.sliding.presliding))
 
 
-def _with_still(model: LinearModel, still: Array, joints: NDArray[np.bool_]) -> LinearModel:
-    return model.with_still(np.where(joints, still, model.sliding.still))
+def _with_bent(model: LinearModel, bent: Array, joints: NDArray[np.bool_]) -> LinearModel:
+    return model.with_bent(np.where(joints, bent, model.sliding.bent))
 
 
 def _in_joints(

@@ -16,10 +16,9 @@ from metaid.files import shipped_logs
 from metaid.models import Array
 from metaid.plant import ArmPlant, MujocoPlant, load_plant
 from metaid.recorded.absolute import Absolute, absolute_of
-from metaid.recorded.choosing import Choices
+from metaid.recorded.choosing import Choices, usual_still
 from metaid.recorded.doubts.checks import facts_of
 from metaid.recorded.estimating import RecordedEstimate, estimate_records
-from metaid.recorded.friction_terms import usual_still
 from metaid.recorded.gains import Gains, Payload, drive_gains
 from metaid.recorded.held_out import HeldOut, Yardstick
 from metaid.recorded.reading.branches import joints_named

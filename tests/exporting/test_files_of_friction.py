@@ -43,7 +43,8 @@ def friction_of(tree: Tree, coupled: tuple[tuple[int, int], ...] = COUPLED) -> J
     terms = {name: np.append(values, none) for name, values in alone.items()}
     terms["viscous"], terms["coulomb"] = np.append(viscous, viscous_2), np.append(coulomb, coulomb_2)
     terms["root"] = np.append(root, root_2)
-    return JointFriction(Sliding(presliding, 0.1 * still, coupled, is_smooth=True), terms, rotor)
+    bent = np.where(np.arange(n) % 3 == 0, 0.2 * still, 0.0)
+    return JointFriction(Sliding(presliding, 0.1 * still, bent, coupled), terms, rotor)
 
 
 def without_presliding(friction: JointFriction) -> JointFriction:
@@ -53,9 +54,9 @@ def without_presliding(friction: JointFriction) -> JointFriction:
 
 
 def plain(friction: JointFriction) -> JointFriction:
-    """What an MJCF can hold of it, and a study knows: its dry friction is no smooth function of the speed."""
-    terms, slides = {name: friction.of(name) for name in ("viscous", "coulomb")}, without_presliding(friction)
-    return replace(slides, terms=terms, sliding=replace(slides.sliding, is_smooth=False))
+    """What an MJCF can hold of it."""
+    terms = {name: friction.of(name) for name in ("viscous", "coulomb")}
+    return replace(friction, terms=terms, sliding=Sliding.at_once(friction.sliding.still, friction.sliding.coupled))
 
 
 def motion_of(njoint: int, nrow: int = 400, seconds: float = 4.0) -> tuple[Array, Array, Array]:
@@ -73,13 +74,13 @@ def formula(tree: Tree, friction: JointFriction, q: Array, v: Array, a: Array) -
     n, pairs, sliding = tree.njoint, friction.sliding.coupled, friction.sliding
     viscous, coulomb, root, offset, load = (friction.of(term) for term in COLUMNS)
     torques = rigid + viscous[:n] * v + offset[:n]
-    columns = [(q[:, i], v[:, i], sliding.presliding[i], sliding.still[i]) for i in range(n)]
+    each = sliding.presliding, sliding.still, sliding.bent
+    columns = [(q[:, i], v[:, i], *(own[i] for own in each)) for i in range(n)]
     for i, j in pairs:
-        over, still = ((each[i] + each[j]) / 2.0 for each in (sliding.presliding, sliding.still))
-        columns.append((q[:, i] + q[:, j], v[:, i] + v[:, j], over, still))
+        columns.append((q[:, i] + q[:, j], v[:, i] + v[:, j], *((own[i] + own[j]) / 2.0 for own in each)))
     shares = []
-    for place, speed, over, still in columns:
-        share = np.tanh(speed / still) if sliding.is_smooth else np.clip(speed / still, -1.0, 1.0)
+    for place, speed, over, still, bent in columns:
+        share = np.tanh(speed / bent) if bent else np.clip(speed / still, -1.0, 1.0)
         if over:
             share[0] = 0.0
             for row in range(1, len(place)):

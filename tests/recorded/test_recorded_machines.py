@@ -137,19 +137,19 @@ def test_hysteresis_is_taken_up_where_it_predicts_what_was_left_out() -> None:
     assert plain.model.sliding.presliding[0] < 0.002
 
 
-@pytest.mark.parametrize("bent", [0.05, 0.005])
+@pytest.mark.parametrize("bent", [0.05, 0.0005])
 def test_speed_below_which_dry_friction_bends_is_taken_up_where_it_predicts_what_was_left_out(bent: float) -> None:
-    """As drives with soft gears and other simulators have it; a hundredth of the usual speed is as good as none."""
+    """As drives with soft gears and other simulators have it, and none where it is next to none."""
     plain = arm_log(noise=0.0)
     usual = np.sqrt((np.gradient(plain.angles, plain.period, axis=0) ** 2).mean(axis=0))
     record = arm_log(lambda each: DRY * np.tanh(each / (bent * usual)), noise=0.0)
     found, sharp = (estimated(record, friction=each) for each in (None, ("viscous", "coulomb")))
-    taken_up = found.model.sliding.still / usual
+    taken_up = found.model.sliding.bent / usual
     if bent > 0.01:
         np.testing.assert_allclose(taken_up, bent, rtol=0.6)
         assert found.held_out.relative < 0.5 * sharp.held_out.relative
     else:
-        np.testing.assert_allclose(taken_up, 0.007, rtol=1e-3)
+        assert not taken_up.any()
 
 
 def test_hysteresis_is_taken_up_for_the_joint_that_carries_least() -> None:

@@ -1,8 +1,9 @@
 """The friction of joints, and of motors that turn with the sum of two joints.
 
 Friction of a motor is any of: viscous q̇, Coulomb s, root s √|q̇| (which bends between rest and fast motion as lubricated
-gears do), an offset of the torque, and load s |τ_rigid|. The sliding state s is the sign of the speed, bent near rest,
-or, where there is pre-sliding, a state that builds up over a displacement (Dahl).  Eqs. 66 and 67.
+gears do), an offset of the torque, and load s |τ_rigid|. The sliding state s is the sign of the speed, cut short below
+a slow speed, or tanh(q̇/v), or, where there is pre-sliding, a state that builds up over a displacement (Dahl).  Eqs. 66
+and 67.
 """
 
 from __future__ import annotations
@@ -44,14 +45,20 @@ class Sliding:
     Attributes:
         presliding: displacement over which dry friction builds up (njoint), in rad or m; 0 where it follows the speed.
         still: joint speed below which dry friction is a share of its whole (njoint), in rad/s or m/s, above 0.
-        is_smooth: whether that share is tanh(q̇ / still) (Eq. 66), and not q̇ / still up to 1 (Eq. 12).
+        bent: joint speed v where that share is tanh(q̇ / v) (njoint), in rad/s or m/s; 0 where it is cut short.
         coupled: pairs of joints whose motors are coupled, from 0 on.
     """
 
     presliding: Array
     still: Array
+    bent: Array
     coupled: tuple[tuple[int, int], ...] = ()
-    is_smooth: bool = False
+
+    @classmethod
+    def at_once(cls, still: Array, coupled: tuple[tuple[int, int], ...] = ()) -> Sliding:
+        """That of dry friction which is a share of its whole below these speeds (njoint), and whole beyond them."""
+        none = np.zeros(len(still))
+        return cls(none, still, none, coupled)
 
     @property
     def njoint(self) -> int:
@@ -88,8 +95,9 @@ class Sliding:
 
     def at(self, speeds: Array) -> Array:
         """The state (... x nmotor) that follows the speeds of the joints (... x njoint) at once."""
-        share = self.of_motors(speeds) / self.means(self.still)
-        return np.tanh(share) if self.is_smooth else np.clip(share, -1.0, 1.0)
+        moving, bent = self.of_motors(speeds), self.means(self.bent)
+        short = np.clip(moving / self.means(self.still), -1.0, 1.0)
+        return np.where(bent > 0.0, np.tanh(moving / np.where(bent > 0.0, bent, 1.0)), short) if bent.any() else short
 
     def steady(self, speeds: Array) -> Array:
         """The state (... x nmotor) once the joints have moved on at these speeds (... x njoint)."""
@@ -148,7 +156,7 @@ class JointFriction:
     @classmethod
     def simple(cls, viscous: Array, coulomb: Array, still: Array) -> JointFriction:
         """Viscous and dry friction (njoint each) alone, no motor coupled."""
-        return cls(Sliding(np.zeros(len(still)), still), {"viscous": viscous, "coulomb": coulomb}, np.zeros(0))
+        return cls(Sliding.at_once(still), {"viscous": viscous, "coulomb": coulomb}, np.zeros(0))
 
     def of(self, term: str) -> Array:
         """A term of each motor (nmotor)."""

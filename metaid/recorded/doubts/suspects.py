@@ -14,7 +14,6 @@ import numpy as np
 
 from metaid.models import Array
 from metaid.models.tree import PARAMETERS, ArmPrior, Tree, body_torque, misplaced
-from metaid.recorded.friction_terms import SLOW, usual_still
 from metaid.recorded.weak_form.equations import Equations, Part
 from metaid.recorded.weak_form.linear_model import RIGID
 from metaid.recorded.weak_form.normal import eliminated_covariance
@@ -23,7 +22,7 @@ SIGNIFICANT = 4.0  # standard deviations from nothing: the verdict names it
 WORTH = 0.001  # of the torque that it must explain to be named
 SHIFT = 1e-5  # rad or m, for the derivative by an angle, and by where a joint is
 THINNED = 4  # nodes: what is suspected need not be known as exactly as what is found
-BENDS = 0.1 / SLOW  # times the speed below which dry friction is a share of its whole: there friction bends
+BENDS = 10.0  # times the speed below which dry friction is a share of its whole: there friction bends
 SCALE = 0.1  # how much the torques of a joint may be larger than they are said to be, a standard deviation
 MISSING = {"viscous": "viscous friction", "coulomb": "dry friction", "offset": "a constant torque"}
 OFF = 0.01  # rad: how far an encoder may be off that nobody has asked about
@@ -123,10 +122,11 @@ def suspects(equations: Equations, values: Array, scales: bool) -> Iterator[Susp
                 "offset": lambda part: np.ones_like(part.windows.speeds),
             }
             yield Suspect(words, [of_each(part, shapes[term](part))[..., lacking] for part in parts], tuple(lacking))
-    still = usual_still([part.smoothed for part in parts])
-    at_once = np.flatnonzero((model.sliding.presliding == 0.0) & (model.sliding.still == still)).tolist()
+    at_once = np.flatnonzero((model.sliding.presliding == 0.0) & (model.sliding.bent == 0.0)).tolist()
     if at_once and {"coulomb", "root"} & set(model.friction):
-        bent = [part.windows.speeds * np.exp(-np.abs(part.windows.speeds) / (BENDS * still)) for part in parts]
+        bent = [
+            part.windows.speeds * np.exp(-np.abs(part.windows.speeds) / (BENDS * model.sliding.still)) for part in parts
+        ]
         columns = [of_each(*each)[..., at_once] for each in zip(parts, bent, strict=True)]
         yield Suspect("friction that bends near rest", columns, tuple(at_once))
     if not equations.zeros:

@@ -201,8 +201,8 @@ class LinearModel:
         return np.where(self.untrusted, 0.0, torques)
 
     def with_friction(self, terms: tuple[str, ...]) -> LinearModel:
-        """The same with these terms of friction in every joint, and no pre-sliding."""
-        return _with_friction(self.with_presliding(np.zeros(self.njoint)), terms)
+        """The same with these terms of friction in every joint, and dry friction that is there at once."""
+        return _with_friction(replace(self, sliding=Sliding.at_once(self.sliding.still, self.sliding.coupled)), terms)
 
     def with_term(self, term: str, joints: NDArray[np.bool_]) -> LinearModel:
         """The same with a term of friction in some `joints` (njoint), too."""
@@ -214,6 +214,10 @@ class LinearModel:
     def with_presliding(self, presliding: Array) -> LinearModel:
         """The same with dry friction that builds up over displacements of the joints (njoint), in rad or m."""
         return replace(self, sliding=replace(self.sliding, presliding=presliding))
+
+    def with_bent(self, bent: Array) -> LinearModel:
+        """The same with dry friction that bends at these speeds of the joints (njoint), in rad/s or m/s."""
+        return replace(self, sliding=replace(self.sliding, bent=bent))
 
     def with_coupled(self, coupled: tuple[tuple[int, int], ...]) -> LinearModel:
         """The same with these pairs of joints, from 0 on, whose motors are coupled."""
@@ -283,7 +287,7 @@ def chain_model(chain: Chain, gravity: float) -> LinearModel:
             joints=tuple(f"{i + 1}" for i in range(n)),
             slides=np.zeros(n, dtype=np.bool_),
             friction=(),
-            sliding=Sliding(np.zeros(n), np.full(n, STILL), is_smooth=True),
+            sliding=Sliding.at_once(np.full(n, STILL)),
             untrusted=np.zeros(n, dtype=np.bool_),
             passive=np.zeros(n, dtype=np.bool_),
             chain=chain,
@@ -335,7 +339,7 @@ def arm_model(
             joints=tuple(tree.names),
             slides=tree.slides,
             friction=(),
-            sliding=Sliding(np.zeros(tree.njoint), np.full(tree.njoint, STILL), coupled, is_smooth=True),
+            sliding=Sliding.at_once(np.full(tree.njoint, STILL), coupled),
             untrusted=np.zeros(tree.njoint, dtype=np.bool_),
             passive=np.zeros(tree.njoint, dtype=np.bool_),
             prior=prior,
