@@ -16,7 +16,7 @@ import numpy as np
 from numba import types
 
 from benchmarks.common import NO_LIMIT, PLANTS, Row, interleaved, make_spec, run_alone
-from metaid.compiled import CompiledLoop, Step, compiled, fastest_step, mujoco_step, quiet_mujoco
+from metaid.compiled import CompiledLoop, Step, compiled, fastest_step, quiet_mujoco, step_of
 from metaid.compiled.loop import start_states
 from metaid.compiled.spatial import ArmLoop
 from metaid.episode import Episode, FallRule, arm_episode, run_stepwise, window_ends
@@ -59,7 +59,7 @@ def measure(quick: bool) -> dict[str, list[Row]]:
 def _row(nlink: int, quick: bool) -> Row:
     problem = Problem(make_spec(nlink))
     plant, nominal, episode = problem.open_plant(), problem.nominal.lumps, problem.episode
-    whole = mujoco_step(plant.model, plant.data)
+    whole = step_of(plant.model, plant.data, is_direct=False)
     fastest = fastest_step(plant)
     assert fastest.is_direct, "MuJoCo's stages are not mj_step here: nothing to compare"
     steps: dict[str, Any] = {"mj_step": whole, "direct": fastest}
@@ -103,7 +103,7 @@ def _arm_row(name: str, dry: bool, quick: bool) -> Row:
     anywhere = replace(nominal, low=np.full(plant.njoint, -np.inf), high=np.full(plant.njoint, np.inf))
     watched = {"window_ends": window_ends(steps), "fall_rule": FallRule(runaway=NO_LIMIT)}
     episode = arm_episode(anywhere, starts, stiffness, steps, **watched)
-    loop, whole = ArmLoop(plant, episode), mujoco_step(plant.model, plant.data)
+    loop, whole = ArmLoop(plant, episode), step_of(plant.model, plant.data, is_direct=False)
     assert loop.run(nominal.parameters).total_steps == episode.total_steps
     works = {
         "bare": lambda: bare(whole, episode.states, steps),

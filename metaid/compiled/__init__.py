@@ -24,6 +24,6 @@ from metaid.compiled.objective import Objective
 from metaid.compiled.products import BLOCK, LANES, multiply, whole
 from metaid.compiled.quiet import quiet_mujoco
 from metaid.compiled.sharing import share_out
-from metaid.compiled.stages import Step, fastest_step, mujoco_step
+from metaid.compiled.stages import Step, fastest_step, step_of
 from metaid.compiled.undocumented import class_of
 from metaid.compiled.validation_loops import track_compiled

@@ -51,11 +51,10 @@ _mj_fwdConstraint = _stage("mj_fwdConstraint")  # noqa: N816
 
 
 class Step(NamedTuple):
-    """What a compiled loop steps with: MuJoCo's stages one by one where it `is_direct`, else `mj_step1` and `mj_step2`;
-    that is None then, so that the type settles which when a loop is compiled.
-
-    Views of the state, the applied torque (nlink), the links' rotation matrices (nlink x 9), the vectors that pass
-    between the stages (nlink) and passive damping and stiffness (nlink); addresses; and whether there is dry friction.
+    """What a compiled loop steps with: views of the state, the applied torque (nlink) and the links' rotation matrices
+    (nlink x 9), two addresses; and whether it `is_direct`, MuJoCo's stages called one by one, or None for `mj_step1`
+    and `mj_step2`: which it is, is then settled by the type when a loop is compiled. The stages also need the vectors
+    that pass between them (nlink), and whether there is dry friction.
     """
 
     qpos: Array
@@ -78,13 +77,8 @@ class Step(NamedTuple):
     is_direct: bool | None
 
 
-def mujoco_step(model: mujoco.MjModel, data: mujoco.MjData) -> Step:
-    """`mj_step1` and `mj_step2` on these two, which must outlive it."""
-    return direct_step(model, data)._replace(is_direct=None)
-
-
-def direct_step(model: mujoco.MjModel, data: mujoco.MjData) -> Step:
-    """MuJoCo's stages on these two, which must outlive it."""
+def step_of(model: mujoco.MjModel, data: mujoco.MjData, is_direct: bool) -> Step:
+    """MuJoCo's stages, or `mj_step1` and `mj_step2`, on these two, which must outlive it."""
     is_dry = bool(model.dof_frictionloss.any())
     vectors = data.qfrc_bias, data.qfrc_smooth, data.qacc, data.qacc_warmstart
     solved = data.qacc_smooth if is_dry else data.qacc  # what the solver of constraints goes on from, or the end
@@ -92,49 +86,23 @@ def direct_step(model: mujoco.MjModel, data: mujoco.MjData) -> Step:
     addresses = address_of(model), address_of(data), bias_at, smooth_at, solved_at
     passive = np.ravel(model.dof_damping), np.ravel(model.jnt_stiffness)
     views = data.qpos, data.qvel, data.qfrc_applied, data.xmat[1:]
-    return Step(*views, *vectors, *passive, *addresses, model.opt.timestep, is_dry, True)
+    return Step(*views, *vectors, *passive, *addresses, model.opt.timestep, is_dry, is_direct or None)
 
 
 @compiled
 def forget(chain):  # type: ignore[no-untyped-def]
     """Leaves nothing of the motion before in a `Step`, but for what is in `qpos` and `qvel`.
 
-    MuJoCo's solver of dry friction starts from the last solution, to which it would lead a little nearer than from
-    anywhere else. The stages begin all else afresh.
+    The stages begin all afresh but the solver of dry friction: it starts from the last solution, to which it would lead
+    a little nearer than from anywhere else.
     """
     if chain.is_direct is None or chain.is_dry:
         _mj_resetData(chain.model, chain.data)
 
 
 @compiled
-def look(chain, links, stiffness):  # type: ignore[no-untyped-def]
-    """The first half of a timestep; turns the `links` to where they are, for a law with this `stiffness`.
-
-    Hinges about y: the matrix of a link at the absolute angle φ begins with cos φ, 0, sin φ.
-    """
-    _begin(chain)
-    for i in range(chain.rotations.shape[0]):
-        turn(links[i], chain.rotations[i, 0], chain.rotations[i, 2], stiffness)
-
-
-@compiled
-def advance(chain):  # type: ignore[no-untyped-def]
-    """The second half, with the torque in `chain`."""
-    if chain.is_direct is None:
-        _mj_step2(chain.model, chain.data)
-    else:
-        _advance_directly(chain)
-
-
-@compiled
-def step_plant(chain):  # type: ignore[no-untyped-def]
-    """A whole timestep."""
-    _begin(chain)
-    advance(chain)
-
-
-@compiled
-def _begin(chain):  # type: ignore[no-untyped-def]
+def _place(chain):  # type: ignore[no-untyped-def]
+    """The first half of a timestep: where the links are."""
     if chain.is_direct is None:
         _mj_step1(chain.model, chain.data)
     else:
@@ -142,8 +110,26 @@ def _begin(chain):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _advance_directly(chain):  # type: ignore[no-untyped-def]
+def look(chain, links, stiffness):  # type: ignore[no-untyped-def]
+    """The same; turns the `links` to their angles, for a law with this `stiffness`."""
+    _place(chain)
+    _turn_to_rotations(chain.rotations, links, stiffness)
+
+
+@compiled
+def _turn_to_rotations(rotations, links, stiffness):  # type: ignore[no-untyped-def]
+    """Hinges about y: the matrix of a link at the absolute angle φ begins with cos φ, 0, sin φ."""
+    for i in range(rotations.shape[0]):
+        turn(links[i], rotations[i, 0], rotations[i, 2], stiffness)
+
+
+@compiled
+def advance(chain):  # type: ignore[no-untyped-def]
+    """The second half, with the torque in `chain`."""
     model, data = chain.model, chain.data
+    if chain.is_direct is None:
+        _mj_step2(model, data)
+        return
     _mj_comPos(model, data)
     _mj_crb(model, data)
     _mj_factorM(model, data)
@@ -168,6 +154,13 @@ def _advance_directly(chain):  # type: ignore[no-untyped-def]
 
 
 @compiled
+def step_plant(chain):  # type: ignore[no-untyped-def]
+    """A whole timestep of a `Step`."""
+    _place(chain)
+    advance(chain)
+
+
+@compiled
 def _advance_many(chain, steps):  # type: ignore[no-untyped-def]
     for _ in range(steps):
         step_plant(chain)
@@ -181,7 +174,7 @@ def agrees_with_mj_step(model: mujoco.MjModel, data: mujoco.MjData) -> bool:
     single = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
     if model.nv == 0 or not np.isin(model.jnt_type, [int(kind) for kind in single]).all():
         return False
-    random, chain, same = np.random.default_rng(0), direct_step(model, data), True
+    random, chain, same = np.random.default_rng(0), step_of(model, data, True), True
     for size in (0.1, 1.0, 5.0):
         angles, speeds, torque = size * random.standard_normal((3, model.nv))
         states = []
@@ -203,5 +196,5 @@ def fastest_step(plant: MujocoPlant | ArmPlant) -> Step:
     the last bit.
     """
     with quiet_mujoco():
-        make = direct_step if agrees_with_mj_step(plant.model, plant.data) else mujoco_step
-    return make(plant.model, plant.data)
+        is_direct = agrees_with_mj_step(plant.model, plant.data)
+    return step_of(plant.model, plant.data, is_direct)

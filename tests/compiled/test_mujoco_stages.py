@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from conftest import random_links
 
-from metaid.compiled import CompiledLoop, fastest_step, mujoco_step
-from metaid.compiled.stages import agrees_with_mj_step, direct_step
+from metaid.compiled import CompiledLoop, fastest_step, step_of
+from metaid.compiled.stages import agrees_with_mj_step
 from metaid.episode import Episode, rich_pushes
 from metaid.plant import MujocoPlant, PlantSettings
 
@@ -28,8 +28,8 @@ def test_episodes_are_the_same_to_the_last_bit(nlink: int, joint: dict[str, floa
     plant = plant_with(nlink, **joint)
     lumps = plant.chain.lumps
     episode = Episode(rich_pushes(plant, 4, 3.0, seed=1), steps=300)
-    whole = CompiledLoop(plant, episode, mujoco_step(plant.model, plant.data))
-    direct = CompiledLoop(plant, episode, direct_step(plant.model, plant.data))
+    whole = CompiledLoop(plant, episode, step_of(plant.model, plant.data, is_direct=False))
+    direct = CompiledLoop(plant, episode, step_of(plant.model, plant.data, is_direct=True))
     random, fell = np.random.default_rng(nlink), set()
     for spread in (0.0, 0.05, 0.5, 0.9):
         candidate = lumps.scaled(1.0 + spread * random.uniform(-1.0, 1.0, len(lumps.vector)))
