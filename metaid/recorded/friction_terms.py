@@ -15,7 +15,7 @@ from metaid.recorded.weak_form.equations import Equations
 from metaid.recorded.weak_form.linear_model import LinearModel
 
 PRESLIDING = (1e-4, 3e-4, 1e-3, 3e-3)  # rad or m, of all joints alike
-BENT = (2.0, 7.0, 20.0)  # times the speed below which dry friction is cut short, of all joints alike
+BENT = (2.0, 7.0, 20.0)  # times the speed below which dry friction is cut short, of all joints alike, and the most
 FINER = (0.3, 0.55, 1.0, 1.8, 3.3, 6.0, 10.0)  # times either, of each joint by itself
 Widened = Callable[[NDArray[np.bool_]], LinearModel]
 
@@ -44,9 +44,10 @@ def with_friction(
         missed, present = min(worth, key=lambda each: float(np.prod(each[0].shares(missed))))
     sliding = present.model.sliding
     if sliding.builds_up:
-        present, missed = _finer(search, present, missed, sliding.presliding, present.model.with_presliding)
+        present, missed = _finer(search, present, missed, sliding.presliding, present.model.with_presliding, np.inf)
     if sliding.bent.any():
-        present, missed = _finer(search, present, missed, sliding.bent, present.model.with_bent)
+        most = BENT[-1] * sliding.still  # beyond it dry friction is hardly told from viscous, and grows without bound
+        present, missed = _finer(search, present, missed, sliding.bent, present.model.with_bent, most)
     return present, missed
 
 
@@ -106,7 +107,12 @@ def _in_joints(
 
 
 def _finer(
-    search: Search, present: Equations, missed: Missed, common: Array, changed: Callable[[Array], LinearModel]
+    search: Search,
+    present: Equations,
+    missed: Missed,
+    common: Array,
+    changed: Callable[[Array], LinearModel],
+    most: Array | float,
 ) -> tuple[Equations, Missed]:
     """With the displacement over which the friction of each joint builds up, or the speed below which it bends: of
     those that predict its own torque as well, to WORTH, the largest, which is the gentlest to simulate.
@@ -117,11 +123,12 @@ def _finer(
         missed: what that leaves.
         common: of the joints (njoint), all alike; 0 of those that have it not.
         changed: the model with others (njoint).
+        most: that they may be (njoint, or of all).
     """
-    factors = np.array(FINER)
-    every = search.missed([present.with_model(changed(factor * common)) for factor in factors])
+    tried = np.minimum(np.outer(FINER, common), most)
+    every = search.missed([present.with_model(changed(each)) for each in tried])
     by_joint = np.array([each.by_joint for each in every])
     is_as_good = WORTH * by_joint <= by_joint.min(axis=0)
-    other = present.with_model(changed(common * np.where(is_as_good, factors[:, None], 0.0).max(axis=0)))
+    other = present.with_model(changed(np.where(is_as_good, tried, 0.0).max(axis=0)))
     found = search.missed([other])[0]
     return (other, found) if WORTH * found.whole <= missed.whole else (present, missed)

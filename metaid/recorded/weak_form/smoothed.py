@@ -81,7 +81,7 @@ class Smoothed:
         if not model.sliding.builds_up:
             return model.sliding.at(self.speeds)
         sliding = model.sliding
-        key = sliding.presliding.tobytes(), sliding.still.tobytes(), sliding.coupled
+        key = sliding.presliding.tobytes(), sliding.still.tobytes(), sliding.bent.tobytes(), sliding.coupled
         if key not in self._kept:
             self._kept[key] = model.sliding.along(self.coordinates, self.speeds)
         return self._kept[key]
