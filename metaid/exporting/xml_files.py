@@ -50,6 +50,7 @@ def not_in_xml(friction: JointFriction) -> list[str]:
         "dry friction that grows with load": friction.of("load").any(),
         "friction by the root of the speed": friction.of("root").any(),
         "pre-sliding": friction.sliding.builds_up,
+        "dry friction that bends near rest": friction.sliding.bent.any(),
         "constant torque": friction.of("offset").any(),
     }
     return [f"this format has no {term}" for term, is_there in terms.items() if is_there]

@@ -30,11 +30,13 @@ def with_friction(
         search: what is compared.
         present: what is chosen.
         missed: what that leaves.
-        asked: the terms that the user chose; None where all are tried.
+        asked: the terms that the user chose, of hysteresis and bent friction the better one; None where all are tried.
     """
-    if asked is not None and "hysteresis" in asked:
-        every = np.ones(present.model.njoint)
-        others = [present.with_model(present.model.with_presliding(size * every)) for size in PRESLIDING]
+    model, every = present.model, np.ones(present.model.njoint)
+    states = [model.with_presliding(size * every) for size in PRESLIDING if "hysteresis" in (asked or ())]
+    states += [model.with_bent(factor * model.sliding.still) for factor in BENT if "bent" in (asked or ())]
+    if states:
+        others = [present.with_model(each) for each in states]
         missed, present = min(zip(search.missed(others), others, strict=True), key=lambda each: each[0].whole)
     while asked is None:
         tried = [_in_joints(search, present, missed, *each) for each in _further(present.model)]

@@ -16,12 +16,12 @@ from metaid.files import shipped_logs
 from metaid.models import Array
 from metaid.plant import ArmPlant, MujocoPlant, load_plant
 from metaid.recorded.absolute import Absolute, absolute_of
+from metaid.recorded.branches import joints_named
 from metaid.recorded.choosing import Choices, usual_still
 from metaid.recorded.doubts.checks import facts_of
 from metaid.recorded.estimating import RecordedEstimate, estimate_records
 from metaid.recorded.gains import Gains, Payload, drive_gains
 from metaid.recorded.held_out import HeldOut, Yardstick
-from metaid.recorded.reading.branches import joints_named
 from metaid.recorded.reading.log import Intake, every_run
 from metaid.recorded.reading.readings import Record
 from metaid.recorded.reading.stretches import Stretches, refuse_unknown, without
@@ -72,8 +72,8 @@ def estimate(
         validate: a log, or several, that nothing is fitted to.
         payloads: logs with a payload, which tell the gains of the drives; torques are multiplied with these.
         law: the plant that the torques compensated, where the logs have none.
-        friction: the terms of every joint, of viscous, coulomb, root, offset, load and hysteresis; by default those
-            that predict best what is left out.
+        friction: the terms of every joint, of viscous, coulomb, root, offset, load, and hysteresis or bent; by default
+            those that predict best what is left out.
         coupled: pairs of joints, from 1 on, whose motors are coupled.
         scale: by joint, or of `all`, what the logged torques are multiplied with.
         zero: by joint, in rad, what is added to the logged angles.

@@ -232,7 +232,7 @@ def test_urdf_predicts_the_same_without_rotors_in_the_gravity_that_it_is_given(t
 
 def test_what_no_xml_can_hold_is_said() -> None:
     """Each term that is there, in a sentence; nothing of simple friction."""
-    assert len(not_in_xml(FRICTIONS["everything"])) == 4
+    assert len(not_in_xml(FRICTIONS["everything"])) == 5
     assert not_in_xml(plain(FRICTIONS["everything"])) == []
 
 

@@ -29,6 +29,7 @@ from metaid.recorded.weak_form.smoothed import smoothed
 pytestmark = pytest.mark.slow
 
 DRY = np.array([3.0, 2.0, 1.0])
+BASE = ("viscous", "coulomb")
 ROTOR = PARAMETERS.index("rotor")
 
 
@@ -144,10 +145,12 @@ def test_speed_below_which_dry_friction_bends_is_taken_up_where_it_predicts_what
     plain = arm_log(noise=0.0)
     usual = np.sqrt((np.gradient(plain.angles, plain.period, axis=0) ** 2).mean(axis=0))
     record = arm_log(lambda each: DRY * np.tanh(each / (bent * usual)), noise=0.0)
-    found, sharp = (estimated(record, friction=each) for each in (None, ("viscous", "coulomb")))
+    found, sharp, asked = (estimated(record, friction=each) for each in (None, BASE, (*BASE, "bent")))
     taken_up = found.model.sliding.bent / usual
+    assert ("bent" in found.model.terms, asked.model.terms) == (bent > 0.01, (*BASE, "bent"))
     if bent > 0.01:
         np.testing.assert_allclose(taken_up, bent, rtol=0.6)
+        np.testing.assert_allclose(asked.model.sliding.bent / usual, bent, rtol=0.6)
         assert found.held_out.relative < 0.5 * sharp.held_out.relative
     else:
         assert not taken_up.any()

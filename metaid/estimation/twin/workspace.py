@@ -36,15 +36,14 @@ class Workspace(NamedTuple):
     """What one thread works in, for n joints and p unknowns; rows and columns beyond are zero.
 
     The state, in the kernel's coordinates: `angle`, `speed`, `acceleration`, and the angle at the `start` (n); `force`
-    (n), in N m or N, that acts beside the law.
-    `solved` (n x 3 n): M⁻¹ [1 G H]. `closed` (n x 2 n): the last two of these. `moved` (2 n x p): δφ above δω.
-    `changed` (n x p): δα. `stages` (4 x n): of a Runge-Kutta step the state before it, angles and speeds, and what it
-    adds to them; `held` and `added` (2 n x p): the same of the derivatives. `slip` (4 x n): of dry friction its share
-    of all of it before the step, where the joint was then, in rad, the share now, and its derivative by that before;
-    `slipped` (n x p): derivatives of the first. `teeth` (2 x n): cosine and sine of the phase of cogging. `units`
-    (KINDS): of one joint, see `beside`. `twist` (n x p): the derivatives of the torques in joints, and `levers` (n x n)
-    what each link accelerates by with one. `free` (n) is free to write in. `below` (n): the link whose angle a joint's
-    own is beside, -1 for none. `own` is the kernel's.
+    (n), in N m or N, that acts beside the law. `solved` (n x 3 n): M⁻¹ [1 G H]. `closed` (n x 2 n): the last two of
+    these. `moved` (2 n x p): δφ above δω. `changed` (n x p): δα. `stages` (4 x n): of a Runge-Kutta step the state
+    before it, angles and speeds, and what it adds to them; `held` and `added` (2 n x p): the same of the derivatives.
+    `slip` (4 x n): of dry friction its share of all of it before the step, where the joint was then, in rad, the share
+    now, and its derivative by that before; `slipped` (n x p): derivatives of the first. `teeth` (2 x n): cosine and
+    sine of the phase of cogging. `units` (KINDS): of one joint, see `beside`. `twist` (n x p): the derivatives of the
+    torques in joints, and `levers` (n x n) what each link accelerates by with one. `free` (n) is free to write in.
+    `below` (n): the link whose angle a joint's own is beside, -1 for none. `own` is the kernel's.
     """
 
     angle: Array

@@ -114,6 +114,7 @@ class RecordedResult:
             "friction": {
                 "terms": list(model.terms),
                 "presliding": model.sliding.presliding.tolist(),
+                "bent": model.sliding.bent.tolist(),
                 "coupled": [[one + 1, other + 1] for one, other in model.sliding.coupled],
                 "taken_up": [{"what": what, "error": change} for what, change in found.chosen.tried],
                 "curve": [

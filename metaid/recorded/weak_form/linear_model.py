@@ -32,7 +32,7 @@ from metaid.models.tree import (
 )
 from metaid.plant import MujocoPlant, SimulatedPlant
 
-TERMS, BASE = (*COLUMNS, "hysteresis"), ("viscous", "coulomb")
+TERMS, BASE = (*COLUMNS, "hysteresis", "bent"), ("viscous", "coulomb")
 STILL = 0.01  # rad/s or m/s, until the usual speeds of logs are known
 SPREAD = 0.3  # standard deviation of a nominal lump, as a share of it
 UNKNOWN_ROTOR = 5.0  # prior deviation of rotors, as `PriorDeviations` has it: a URDF knows nothing of gears
@@ -117,8 +117,9 @@ class LinearModel:
 
     @property
     def terms(self) -> tuple[str, ...]:
-        """The terms of friction, hysteresis among them, in the order of TERMS."""
-        return (*self.friction, *(["hysteresis"] if self.sliding.builds_up else []))
+        """The terms of friction, how dry friction follows the motion among them, in the order of TERMS."""
+        states = {"hysteresis": self.sliding.builds_up, "bent": self.sliding.bent.any()}
+        return (*self.friction, *(term for term, is_there in states.items() if is_there))
 
     def regressor(self, coordinates: Array, speeds: Array, accelerations: Array) -> Array:
         """The torque (... x njoint x nparam) for a unit of each unknown, of joint coordinates, speeds and accelerations

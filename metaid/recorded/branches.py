@@ -12,8 +12,7 @@ import pandas as pd
 from metaid.errors import BranchesError
 from metaid.recorded.reading.columns import angles_named
 from metaid.recorded.reading.formats import tables_of
-
-LEAST = 0.02  # rad or m, from end to end: what goes less far stands still
+from metaid.recorded.weak_form.linear_model import LEAST_SLIDE, LEAST_TURN
 
 
 def joints_named(robot: BranchesError, logs: Sequence[str | Path | pd.DataFrame], topic: str | None) -> tuple[str, ...]:
@@ -54,7 +53,7 @@ def _moved(series: Sequence[str], slides: Sequence[str], reach: Mapping[str, flo
         reach: how far joints go that are in logs, in rad or m.
     """
     named = [name for name in series if name in reach]
-    moving = [name for name in named if reach[name] > LEAST]
+    moving = [name for name in named if reach[name] > (LEAST_SLIDE if name in slides else LEAST_TURN)]
     while named and named[-1] not in moving:
         named.pop()
     shifts = takewhile(lambda name: name in slides and name not in moving, named)
