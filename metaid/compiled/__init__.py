@@ -26,4 +26,3 @@ from metaid.compiled.quiet import quiet_mujoco
 from metaid.compiled.sharing import share_out
 from metaid.compiled.stages import Step, fastest_step, step_of
 from metaid.compiled.undocumented import class_of
-from metaid.compiled.validation_loops import track_compiled

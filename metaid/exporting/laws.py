@@ -50,11 +50,6 @@ class ChainLaw(ChainModel):
         links = super().mass_matrix(angles)
         return links if self.rotor is None else links + np.diag(self.rotor)
 
-    def inverse_dynamics(self, angles: Array, speeds: Array, accelerations: Array) -> Array:
-        """The joint torque (... x njoint) that gives the joints these accelerations (... x njoint), in N m."""
-        gained = np.einsum("...ij,...j->...i", self.mass_matrix(angles), accelerations)
-        return np.asarray(self.torque(angles, speeds) + gained, dtype=np.float64)
-
     @property
     def has_inertia(self) -> bool:
         """Whether the inertia lumps are known, without which it has no more than `torque`."""

@@ -48,6 +48,11 @@ class ChainModel:
         joints: Array = links.T @ absolute @ links
         return joints
 
+    def inverse_dynamics(self, angles: Array, speeds: Array, accelerations: Array) -> Array:
+        """The joint torque (... x njoint) that gives the joints these accelerations (... x njoint), in N m."""
+        gained = np.einsum("...ij,...j->...i", self.mass_matrix(angles), accelerations)
+        return np.asarray(self.torque(angles, speeds) + gained, dtype=np.float64)
+
 
 def _running_sum(values: Array, axis: int = -1) -> Array:
     """That of numpy along a short axis, to the bit, in a fifth of its time where there are many of them."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from metaid.episode import Episode, FallRule, arm_episode
 from metaid.models import Array, Lumps
 from metaid.models.tree import Tree, kinetic_squares
-from metaid.plant import ArmPlant, ArmStart, FaultSettings, MujocoPlant
+from metaid.plant import ArmPlant, ArmStart, MujocoPlant
 
 COASTING = 0.1  # speeds changed by more than this share of what they were are no longer coasting
 WITHOUT_FALLS = FallRule(limit=np.inf)
@@ -39,8 +39,8 @@ def coasting_steps(plant: MujocoPlant, lumps: Lumps, impulses: Array, steps: int
 def arm_coasting_steps(
     plant: ArmPlant, laws: tuple[Array, Tree], starts: Sequence[ArmStart], steps: int
 ) -> NDArray[np.int64]:
-    """For how many steps an arm coasts after each push (npush), with exact sensors and drives, whatever the ranges of
-    its joints: until its speeds have changed by a tenth of those at the start in a metric.
+    """For how many steps an arm coasts after each push (npush), whatever the ranges of its joints: until its speeds
+    have changed by a tenth of those at the start in a metric.
 
     Args:
         plant: that moves.
@@ -52,11 +52,10 @@ def arm_coasting_steps(
     from metaid.compiled.spatial import ArmLoop  # loads numba
 
     law, metric = laws
-    exact = plant.settings.model_copy(update={"faults": FaultSettings(tilt=plant.settings.faults.tilt)})
     unbounded = np.full(plant.njoint, np.inf)
     endless = replace(metric, low=-unbounded, high=unbounded)
     episode = arm_episode(endless, starts, np.zeros(len(starts)), steps, fall_rule=WITHOUT_FALLS, readings_steps=steps)
-    seen = ArmLoop(replace(plant, settings=exact, known=plant.tree), episode).run(law).readings
+    seen = ArmLoop(plant, episode).run(law).readings
     assert seen is not None
     assert seen.speeds is not None
     coasted = np.zeros(len(starts), dtype=np.int64)

@@ -1,41 +1,42 @@
-"""Computed-torque control of a chain along a joint trajectory: what identified lumps are good for.
+"""Computed-torque control along a joint trajectory: what an identified model is good for.
 
 The feedforward is the candidate's. The feedback is the same whatever the candidate. So candidates are compared by their
-lumps alone.
+parameters alone.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
 
-from metaid.models import Array, ChainModel
-from metaid.plant import MujocoPlant
+from metaid.models import Array
+from metaid.plant import SimulatedPlant
 
 AMPLITUDE = 0.5  # rad, of the mean joint's sinusoid
 PERIODS = 6.0, 12.0  # fastest and slowest of the joints' sinusoids, in natural times
 BANDWIDTH = 3.0  # of the feedback, in rad per natural time
-LOST = np.pi  # rad off the trajectory: out of control
+LOST = np.pi  # rad or m off the trajectory: out of control
 
 
 @dataclass(frozen=True)
 class Motion:
-    """Joint `angles` in rad, `speeds` in rad/s and `accelerations` in rad/s² over time, each (nsteps x njoint)."""
+    """Joint `angles` in rad or m, their `speeds` and `accelerations` over time, each (nsteps x njoint)."""
 
     angles: Array
     speeds: Array
     accelerations: Array
 
 
-@dataclass(frozen=True)
-class Tracked:
-    """What was seen of a plant along a trajectory: joint `angles` (rad), `speeds` (rad/s), and the `torques` (N m)
-    that held from each step to the next, all (nsteps x njoint)."""
+class Dynamics(Protocol):
+    """What moves a plant, at one state."""
 
-    angles: Array
-    speeds: Array
-    torques: Array
+    def inverse_dynamics(self, angles: Array, speeds: Array, accelerations: Array, /) -> Array:
+        """The torque (njoint) that gives the joints these accelerations (njoint), at these coordinates and speeds."""
+
+    def mass_matrix(self, angles: Array, /) -> Array:
+        """The mass matrix (njoint x njoint)."""
 
 
 def smooth_sinusoids(
@@ -73,25 +74,36 @@ def smooth_sinusoids(
     return Motion(angles, speeds, accelerations)
 
 
-def track(plant: MujocoPlant, model: ChainModel, feedback: ChainModel, desired: Motion, bandwidth: float) -> Tracked:
-    """Drives the plant from rest upright along `desired` with computed torque from `model`.
+def track(
+    plant: SimulatedPlant, start: Any, model: Dynamics, feedback: Dynamics, desired: Motion, bandwidth: float
+) -> Array:
+    """Drives a plant along `desired` with computed torque.
 
-    τ = M̃(φ) q̈_d + h̃ + g̃ + M̄(φ) (k_p e + k_d ė), critically damped.
+    τ = M̃(q) q̈_d + h̃ + g̃ + M̄(q) (k_p e + k_d ė), critically damped. Friction and Coriolis forces are those at the
+    wanted speeds: where a joint sticks, its own tell nothing of the torque that it needs to move.
 
     Args:
-        plant: it is brought to rest upright first.
-        model: of the feedforward.
-        feedback: what M̄ is of. It should be of a possible chain: a mass matrix that is not positive definite turns the
+        plant: that moves.
+        start: what brings it to rest where the motion begins.
+        model: of the feedforward, M̃, h̃ and g̃.
+        feedback: what M̄ is of. It should be of a possible robot: a mass matrix that is not positive definite turns the
             feedback against itself.
         desired: the trajectory.
         bandwidth: of the feedback, in rad/s.
 
     Returns:
-        What was seen; it ends early where control is lost.
+        Joint coordinates (nseen x njoint), in rad or m, up to where control was lost.
     """
-    from metaid.compiled import track_compiled
-
-    laws = model.lumps, feedback.lumps
-    inertias = model.lumps.of("inertia"), feedback.lumps.of("inertia")
-    motion = desired.angles, desired.speeds, desired.accelerations
-    return Tracked(*track_compiled(plant, laws, inertias, motion, bandwidth, LOST))
+    plant.push(start)
+    seen = []
+    for angle, speed, acceleration in zip(desired.angles, desired.speeds, desired.accelerations, strict=True):
+        angles, speeds = plant.states()
+        if not np.abs(angle - angles).max() <= LOST:
+            break
+        seen.append(angles)
+        correction = bandwidth**2 * (angle - angles) + 2.0 * bandwidth * (speed - speeds)
+        torque = model.inverse_dynamics(angles, speed, acceleration) + feedback.mass_matrix(angles) @ correction
+        plant.apply_torque(torque)
+        plant.step()
+    plant.stop()
+    return np.array(seen)

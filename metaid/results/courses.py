@@ -17,9 +17,9 @@ from metaid.episode import REACH, natural_time, rich_pushes
 from metaid.errors import StudyError
 from metaid.models import Array, Chain, ChainModel, Lumps
 from metaid.models.tree import Tree
-from metaid.plant import ArmPlant, ArmStart, MujocoPlant
+from metaid.plant import ArmPlant, ArmStart, FaultSettings, MujocoPlant, Start
 from metaid.results.coasting import arm_coasting_steps, coasting_steps
-from metaid.results.control import AMPLITUDE, BANDWIDTH, LOST, smooth_sinusoids, track
+from metaid.results.control import AMPLITUDE, BANDWIDTH, smooth_sinusoids, track
 from metaid.study import HORIZON
 
 COASTING_HORIZON = 100.0  # natural times for which a chain is watched
@@ -76,8 +76,8 @@ class ChainCourse:
         plant, time = self.plant, self.natural_time
         desired = smooth_sinusoids(plant.njoint, time, plant.timestep)
         model, feedback = ChainModel(self._whole(law), plant.gravity), ChainModel(self.nominal.lumps, plant.gravity)
-        seen = track(plant, model, feedback, desired, BANDWIDTH / time)
-        return seen.angles - desired.angles[: len(seen.angles)], len(seen.angles) == len(desired.angles)
+        seen = track(plant, Start.upright(np.zeros(plant.njoint)), model, feedback, desired, BANDWIDTH / time)
+        return seen - desired.angles[: len(seen)], len(seen) == len(desired.angles)
 
     @property
     def about(self) -> dict[str, Any]:
@@ -98,7 +98,7 @@ class ArmCourse:
     """The course of a simulated arm.
 
     Attributes:
-        plant: that moves.
+        plant: that moves, with exact sensors and drives.
         nominal: the nominal arm, whose mass matrix is the metric of coasting.
         feedback: parameters (njoint x 13), whose mass matrix weighs the feedback along the trajectory.
         starts: of the pushes.
@@ -126,7 +126,7 @@ class ArmCourse:
 
     def tracking(self, law: Array) -> tuple[Array, bool]:
         """As of a chain, in rad or m, from the middle of the ranges; the feedback is the same for every feedforward."""
-        from metaid.compiled.spatial import track_arm  # loads numba
+        from metaid.compiled.spatial import QuickArm  # loads numba
 
         plant, tree = self.plant, self.plant.tree
         half, middle = 0.5 * (tree.high - tree.low), np.clip(0.0, tree.low, tree.high)
@@ -134,11 +134,12 @@ class ArmCourse:
         middle[is_limited] = tree.low[is_limited] + half[is_limited]
         widest = np.where(tree.slides, SLIDE * AMPLITUDE, AMPLITUDE)
         amplitude, periods = np.minimum(widest, ROOM * half), (SHORTEST, LONGEST)
-        desired = smooth_sinusoids(tree.njoint, 1.0, plant.timestep, amplitude=amplitude, periods=periods)
-        angles = middle + desired.angles
-        motion = angles, desired.speeds, desired.accelerations
-        seen = track_arm(plant, (law, self.feedback), motion, ARM_BANDWIDTH, LOST)
-        return seen - angles[: len(seen)], len(seen) == len(angles)
+        swing = smooth_sinusoids(tree.njoint, 1.0, plant.timestep, amplitude=amplitude, periods=periods)
+        desired = replace(swing, angles=middle + swing.angles)
+        model, feedback = (QuickArm(tree, np.array(each, order="C")) for each in (law, self.feedback))
+        start = ArmStart(desired.angles[0], np.zeros(tree.njoint))
+        seen = track(plant, start, model, feedback, desired, ARM_BANDWIDTH)
+        return seen - desired.angles[: len(seen)], len(seen) == len(desired.angles)
 
     @property
     def about(self) -> dict[str, Any]:
@@ -169,5 +170,6 @@ def course_of(plant: Any, problem: Any, identified: Any, pushes: int, seed: int)
         from metaid.plant.description import draw_free_starts  # loads MuJoCo
 
         starts = draw_free_starts(nominal, pushes, ARM_HORIZON, seed, problem.spec.study.episode.speed)
-        return ArmCourse(plant, nominal, identified, tuple(starts))
+        exact = plant.settings.model_copy(update={"faults": FaultSettings(tilt=plant.settings.faults.tilt)})
+        return ArmCourse(replace(plant, settings=exact, known=plant.tree), nominal, identified, tuple(starts))
     raise StudyError(f"plant {plant.name} is a rig, and this needs a simulated plant")

@@ -13,13 +13,12 @@ from conftest import Finished
 from random_arm import random_arm, wrong_tree
 
 import metaid as package
-from metaid.compiled.spatial import track_arm
+from metaid.compiled.spatial import QuickArm
 from metaid.errors import StudyError
-from metaid.models import Array
 from metaid.models.tree import Tree, joint_mass_matrix, joint_torque
 from metaid.plant import ArmPlant, ArmSettings, ArmStart
 from metaid.plant.description import draw_free_starts
-from metaid.results import Validation, smooth_sinusoids
+from metaid.results import Validation, smooth_sinusoids, track
 from metaid.results.coasting import arm_coasting_steps
 from metaid.results.validation import Validated
 
@@ -27,6 +26,7 @@ pytestmark = pytest.mark.slow
 
 Metaid = Callable[..., Finished]
 STEPS = 60
+TREES = random_arm(4, 1, friction=False), random_arm(3, 3, (1,))
 
 
 def plant_of(tree: Tree) -> ArmPlant:
@@ -47,38 +47,41 @@ def coasted_stepwise(plant: ArmPlant, law: Tree, metric: Tree, start: ArmStart, 
     return STEPS
 
 
-def tracked_stepwise(plant: ArmPlant, law: Tree, metric: Tree, desired: tuple[Array, Array, Array], k: float) -> Array:
-    """Joint coordinates along a motion, in plain Python."""
-    plant.push(ArmStart(desired[0][0], np.zeros(plant.njoint)))
-    seen = []
-    for angle, speed, acceleration in zip(*desired, strict=True):
-        angles, speeds = plant.states()
-        if not np.abs(angle - angles).max() <= 1.0:
-            break
-        seen.append(angles)
-        correction = k**2 * (angle - angles) + 2.0 * k * (speed - speeds)
-        torque = joint_torque(law, angles, speed, acceleration) + joint_mass_matrix(metric, angles) @ correction
-        plant.apply_torque(torque)
-        plant.step()
-    return np.array(seen)
-
-
-@pytest.mark.parametrize("tree", [random_arm(4, 1, friction=False), random_arm(3, 3, (1,))], ids=["hinges", "slide"])
-def test_compiled_loops_of_an_arm_give_the_numbers_of_plain_python(tree: Tree) -> None:
-    """Coasting and tracking, with hinges and a slide, with and without dry friction, and where control is lost."""
+@pytest.mark.parametrize("tree", TREES, ids=["hinges", "slide"])
+def test_compiled_loop_of_an_arm_gives_the_numbers_of_plain_python(tree: Tree) -> None:
+    """Of pushes that coast, with hinges and a slide, with and without dry friction."""
     plant, metric = plant_of(tree), wrong_tree(tree, 1)
     starts = draw_free_starts(tree, 3, 0.3, seed=1)
     for law in (tree, metric):
         expected = [coasted_stepwise(plant, law, metric, start, 0.1) for start in starts]
         assert arm_coasting_steps(plant, (law.parameters, metric), starts, STEPS).tolist() == expected
         assert (min(expected) == STEPS) == (law is tree)
-    motion = smooth_sinusoids(tree.njoint, 0.04, plant.timestep, amplitude=0.1)
-    desired = motion.angles[:160], motion.speeds[:160], motion.accelerations[:160]
-    wild = tree.with_parameters(-30.0 * tree.parameters)
-    for law in (tree, metric, wild):
-        seen = track_arm(plant, (law.parameters, tree.parameters), desired, 10.0, 1.0)
-        assert (len(seen) == 160) == (law is not wild)
-        np.testing.assert_allclose(seen, tracked_stepwise(plant, law, tree, desired, 10.0), rtol=0, atol=1e-7)
+
+
+@pytest.mark.parametrize("tree", TREES, ids=["hinges", "slide"])
+def test_compiled_dynamics_of_an_arm_are_those_of_its_regressor(tree: Tree) -> None:
+    """With hinges and a slide, with and without dry friction, of bodies that can be and of others."""
+    random = np.random.default_rng(0)
+    for parameters in (tree.parameters, -30.0 * tree.parameters):
+        compiled, arm = QuickArm(tree, parameters), tree.with_parameters(parameters)
+        for angles, speeds, accelerations in random.normal(size=(5, 3, tree.njoint)):
+            expected = joint_torque(arm, angles, speeds, accelerations)
+            assert compiled.inverse_dynamics(angles, speeds, accelerations) == pytest.approx(expected)
+            np.testing.assert_allclose(compiled.mass_matrix(angles), joint_mass_matrix(arm, angles), atol=1e-12)
+
+
+@pytest.mark.parametrize("tree", TREES, ids=["hinges", "slide"])
+def test_computed_torque_of_an_arm_follows_the_trajectory(tree: Tree) -> None:
+    """In MuJoCo, which knows nothing of the equations used here; a wrong arm follows worse, a wild one is lost."""
+    plant, truth, missed = plant_of(tree), QuickArm(tree, tree.parameters), []
+    desired = smooth_sinusoids(tree.njoint, 0.1, plant.timestep, amplitude=0.1)
+    start = ArmStart(desired.angles[0], np.zeros(tree.njoint))
+    for law in (tree, wrong_tree(tree, 1)):
+        seen = track(plant, start, QuickArm(tree, law.parameters), truth, desired, 10.0)
+        missed.append(np.abs(seen - desired.angles).max())
+    assert missed[0] < 0.1 * missed[1]
+    wild = track(plant, start, QuickArm(tree, -300.0 * tree.parameters), truth, desired, 10.0)
+    assert len(wild) < len(desired.angles)
 
 
 def test_coasts_of_a_validation_stay_in_the_ranges_and_are_others_than_those_of_the_search(arms: Path) -> None:

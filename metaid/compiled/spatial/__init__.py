@@ -1,10 +1,10 @@
 """Arms at full speed: their dynamics, and an episode around MuJoCo's step.
 
-`ArmLoop` runs episodes of a simulated arm. `track_arm` drives one along a motion.
+`ArmLoop` runs episodes of a simulated arm. `QuickArm` is what moves one, a state at a time.
 """
 
 from metaid.compiled.spatial.arm_loop import ArmLoop, QuickSpatial, commanded_arm_torques
-from metaid.compiled.spatial.arm_validation import track_arm
+from metaid.compiled.spatial.arm_model import QuickArm
 from metaid.compiled.spatial.dynamics import (
     Frames,
     Space,
