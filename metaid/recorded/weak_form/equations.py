@@ -35,6 +35,7 @@ LEAST = 1e-9  # of the largest torque, that any joint's error is at least: round
 CHUNK = 2_000_000  # numbers at nodes that are made at a time
 PASSIVE, LEAST_PASSIVE = 0.1, 1e-3  # of the terms that cancel in a joint without a motor: its error, and the least
 UNTRUSTED = 1e12  # times the largest torque, squared: the variance of one that is not trusted
+RARELY, FEW = 0.035, 12  # s between two readings, from which on the windows of a log have so many
 SHIFT = 1e-5  # rad or m, for derivatives by a zero
 
 
@@ -162,8 +163,8 @@ class Equations:
 
     @property
     def span(self) -> float:
-        """The length of the windows, in s."""
-        return self.parts[0].windows.span
+        """The length of the windows, in s; those of a log that is read rarely are longer."""
+        return min(part.windows.span for part in self.parts)
 
     @property
     def is_enough(self) -> bool:
@@ -362,7 +363,8 @@ def equations_of(logs: Sequence[Smoothed], model: LinearModel, span: float, powe
     """
     parts = []
     for log, own in enumerate(logs):
-        windows = cut_windows(own.record, span, power)
+        rarely = own.record.period > RARELY
+        windows = cut_windows(own.record, *((FEW * own.record.period, 4) if rarely else (span, power)))
         if windows is None or len(windows) < THIRDS:
             return None
         parts.append(Part(log, own.record, windows, own))

@@ -19,6 +19,8 @@ from metaid.recorded.weak_form.windows import Windows
 
 MOST_FOLDS = 8  # logs are held out in so many groups at most
 WHOLE = 3  # so many logs or more: whole ones are held out
+STIRS = 0.1  # of a joint's fastest speed in any log: in one where it is slower, it tells little of its friction
+STANDS = 0.01  # of the fastest joint's speed: a joint that is slower stands still
 THIRDS = 3  # parts of a log's motion that are held out in turn
 LOOKED_AT = 1500  # states that are looked for elsewhere
 SAME = 0.03  # of what coordinates and speeds usually are, root mean square: a state so near is the same
@@ -39,20 +41,18 @@ class Span:
 
 @dataclass(frozen=True)
 class Fold:
-    """What is held out: some `spans`, which are whole logs, or a `third` of their motion, from 0 on."""
+    """What is held out: some `spans`, which are whole logs, or a `third` of their motion, from 0 on; and whether the
+    motion of another span `recurs` there.
+    """
 
     spans: tuple[Span, ...]
     third: int | None = None
+    recurs: bool = False
 
     @property
     def logs(self) -> tuple[int, ...]:
         """From which logs."""
         return tuple(dict.fromkeys(span.log for span in self.spans))
-
-    @property
-    def recurs(self) -> bool:
-        """Whether the same motion is left out more than once."""
-        return self.third is not None and len(self.spans) > 1
 
     def rows(self, log: int, times: Array) -> NDArray[np.bool_]:
         """Which of some `times` (...), in s, of a log are held out."""
@@ -67,18 +67,35 @@ class Fold:
 
 def folds_of(logs: Sequence[Smoothed], middles: Sequence[Array]) -> tuple[Fold, ...]:
     """What is held out: whole logs where there are WHOLE or more, else thirds of each; thirds of a motion that recurs
-    in what is not held out.
+    in what is not held out. Where a joint moves in one log alone, a third of each: else nothing would tell of the
+    joint.
 
     Args:
         logs: on their grids.
         middles: when the windows of each log are (nwindow), in s.
     """
+    groups = np.array_split(np.arange(len(logs)), min(len(logs), MOST_FOLDS))
+    if len(logs) > 1 and not _move_elsewhere(logs, groups):
+        each = [folds_of([own], [middle]) for own, middle in zip(logs, middles, strict=True)]
+        return tuple(_together(thirds) for thirds in zip(*each, strict=True))
     if len(logs) >= WHOLE:
-        groups = np.array_split(np.arange(len(logs)), min(len(logs), MOST_FOLDS))
         usual = tuple(Fold(tuple(map(Span, group.tolist()))) for group in groups)
     else:
         usual = tuple(fold for log, own in enumerate(middles) for fold in _thirds(log, own))
     return _recurring(logs, usual) or usual
+
+
+def _move_elsewhere(logs: Sequence[Smoothed], groups: Sequence[NDArray[np.intp]]) -> bool:
+    """Whether each joint that moves in one of the `groups` of logs does so in another, too."""
+    fastest = np.array([np.quantile(np.abs(own.speeds), 0.99, axis=0) for own in logs])
+    moves = (fastest > STIRS * fastest.max(axis=0)) & (fastest > STANDS * fastest.max())
+    return not (np.array([moves[group].any(axis=0) for group in groups]).sum(axis=0) == 1).any()
+
+
+def _together(thirds: Sequence[Fold]) -> Fold:
+    """One fold of those of each log by itself."""
+    spans = tuple(replace(span, log=log) for log, fold in enumerate(thirds) for span in fold.spans)
+    return Fold(spans, thirds[0].third, any(fold.recurs for fold in thirds))
 
 
 def _thirds(log: int, middles: Array) -> Iterator[Fold]:
@@ -115,7 +132,8 @@ def _recurring(logs: Sequence[Smoothed], usual: tuple[Fold, ...]) -> tuple[Fold,
     spans = _spans(owners[looked_at], times[looked_at], third.astype(int))
     if sum(own.times[-1] - own.times[0] for own in logs) < LONG * len(spans):
         return ()
-    return tuple(Fold(tuple(span for part, span in spans if part == number), number) for number in range(THIRDS))
+    parts = [tuple(span for part, span in spans if part == number) for number in range(THIRDS)]
+    return tuple(Fold(own, number, len(own) > 1) for number, own in enumerate(parts))
 
 
 def _spans(owners: NDArray[np.intp], times: Array, parts: NDArray[np.intp]) -> list[tuple[int, Span]]:

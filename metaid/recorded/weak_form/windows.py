@@ -198,8 +198,10 @@ def _fitted(record: Record, middles: Array, span: float, power: int) -> tuple[Ar
             counts[which[~is_near]] = 0
             which, rows, times = which[is_near], rows[is_near], times[is_near]
             vandermonde = legendre.legvander((times - middles[which, None]) * (2.0 / span), power)
-            transposed, readings = vandermonde.swapaxes(1, 2), record.angles[rows]
+            transposed, begun = vandermonde.swapaxes(1, 2), record.angles[rows[:, 0]]
+            readings = record.angles[rows] - begun[:, None]  # so that a joint that stands still has no speed at all
             coefficients[which] = np.linalg.solve(transposed @ vandermonde, transposed @ readings)
             errors = readings - vandermonde @ coefficients[which]
             left[which] = (errors**2).sum(axis=1) / (count - power - 1)
+            coefficients[which, 0] += begun
     return coefficients, left, counts
