@@ -82,6 +82,16 @@ def test_unit_in_the_name_of_a_column_is_taken(kind: str, spelled: str, size: fl
     assert record.repairs[-1].text.startswith(f"{spelled} to {spelled.replace('1', '2')} are in ")
 
 
+def test_joint_that_is_called_as_a_unit_is_none() -> None:
+    """Its name is not what its readings are in; a unit beside it is."""
+    log = clean().rename(columns=lambda column: column.replace("_1", "_turn").replace("_2", "_rev"))
+    for joints, scale in ((log, 1.0), (log.rename(columns={"angle_turn": "angle_turn_mrad"}), 1e3)):
+        given = joints.rename(columns={"speed_turn": "ignored"}).drop(columns=["ignored", "speed_rev"])
+        first = next(column for column in given if "turn" in column)
+        record = read(given.assign(**{first: scale * given[first]}), joints=("turn", "rev"))
+        np.testing.assert_allclose(record.angles, clean()[["angle_1", "angle_2"]], atol=1e-9)
+
+
 def test_user_says_the_unit_of_columns_whose_names_do_not() -> None:
     """All of a word at once, or one by one; another unit is refused with those that there are."""
     usual, log = read(clean()), clean()

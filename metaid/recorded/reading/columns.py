@@ -92,10 +92,12 @@ def understood(table: Table, joints: Sequence[str], mapping: Mapping[str, str]) 
     factors: dict[str, float] = {}
     notes = _notes(times, kinds, names, joints, base) + _others(table, kinds["torque"], names, joints)
     for kind, own_columns in kinds.items():
-        every = [column for column in own_columns if column]
+        every = {column: joint for column, joint in zip(own_columns, joints, strict=False) if column}
         measured = "current" if is_current and kind == "torque" else kind
-        own_units = [said_units.get(column) or units.unit_in(column, measured) for column in every]
-        own_factors, told = units.converted(every, own_units, measured)
+        own_units = [
+            said_units.get(column) or units.unit_in(column, measured, joint) for column, joint in every.items()
+        ]
+        own_factors, told = units.converted(list(every), own_units, measured)
         factors, notes = factors | own_factors, notes + told
     if is_current and kinds["torque"]:
         said = sorted({each for column in kinds["torque"] for each in tokens_of(column) if each in WORDS["current"]})

@@ -43,9 +43,12 @@ def spaced(name: str) -> str:
     return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name).lower()
 
 
-def unit_in(name: str, kind: str) -> str:
-    """The unit of readings of a `kind` that a column's name says; ours where it says none, or does not say another."""
-    plain = spaced(name).replace("·", " ").replace("*", " ")
+def unit_in(name: str, kind: str, joint: str = "") -> str:
+    """The unit of readings of a `kind` that a column's name says beside that of a `joint`, which may be called `turn`;
+    ours where it says none, or does not say another.
+    """
+    beside = re.sub(rf"(?<![A-Za-z]){re.escape(joint)}(?![A-Za-z])", " ", name) if joint else name
+    plain = spaced(beside).replace("·", " ").replace("*", " ")
     for unit, text in SPELLED[kind].items():
         if re.search(rf"(?<![a-z])(?:{text})(?![a-z])", plain):
             return unit
