@@ -16,9 +16,11 @@ SLIDING = 0.1  # rad/s; a joint slower than this is sent that share of its dry f
 
 
 def mass_matrix(lumps: Lumps, inertia_lumps: Array, angles: Array) -> Array:
-    """M(φ) (... x nlink x nlink), in kg m², at absolute `angles` (... x nlink), from `lumps` and d (nlink).  Eq. 4."""
+    """M(φ) (... x nlink x nlink), in kg m², at absolute `angles` (... x nlink), from `lumps` and d (... x nlink).  Eq.
+    4.
+    """
     difference = angles[..., :, None] - angles[..., None, :]
-    matrix: Array = lumps.coriolis * np.cos(difference) + np.diag(inertia_lumps)
+    matrix: Array = lumps.coriolis * np.cos(difference) + inertia_lumps[..., None] * np.eye(lumps.nlink)
     return matrix
 
 

@@ -335,10 +335,7 @@ def _misfit(equations: Equations, values: Array) -> float:
     for part, own, torques in zip(equations.parts, rows, equations.torques, strict=True):
         windows = part.windows
         poses = windows.coordinates[:, windows.coordinates.shape[1] // 2]
-        where = np.repeat(poses[:, None], n + 1, axis=1)
-        each = np.broadcast_to(np.vstack([np.zeros(n), np.eye(n)]), where.shape)
-        needed = model.rigid(values[: model.nbody], where, np.zeros_like(where), each)
-        matrices = (needed[:, 1:] - needed[:, :1]).swapaxes(-1, -2)
+        matrices, _ = model.dynamics(values[: model.nbody])(poses, np.zeros_like(poses))
         noise += ((matrices * windows.acceleration_noise) ** 2).sum(axis=(0, 2))
         left += model.trusted_alone((torques - own[..., : len(values)] @ values)[:, 0] ** 2).sum(axis=0)
     return float(np.sqrt((left / np.maximum(noise, 1e-300)).max()))

@@ -88,46 +88,50 @@ def simulated(model: LinearModel, begun: Sequence[Begun], delay: float) -> list[
     seen = np.concatenate([each.own.coordinates[each.starts + steps] for each in begun]) + zeros
     constant = angles + steps * period * speeds - seen
     bodies, rubbing = values[:, :nbody], model.friction_at(values)
-    units = np.vstack([np.zeros(n), np.eye(n)])
-    rest = np.zeros_like(speeds)
+    dynamics, rest = model.dynamics(bodies), np.zeros_like(speeds)
     spun = rubbing.mass_matrix
 
     def friction(speeds: Array, rigid: Array) -> Array:
         return rubbing.torque(speeds, rest, rigid, model.sliding.after(sliding, speeds, step))
 
-    def rate(angles: Array, speeds: Array, torques: Array, before: Array, after: Array, rigid: Array) -> Array:
-        """Accelerations at a state, with friction at the end of a step from the speeds `before` to about those `after`:
-        linear between these two, so that no step turns a joint back and forth.
+    def resisting(before: Array, after: Array, present: Array, rigid: Array) -> Array:
+        """How friction at the end of a step grows with the speeds there (nstart x njoint): linear between those at both
+        ends, so that no step turns a joint back and forth.
+
+        Args:
+            before: speeds at the beginning of the step (nstart x njoint), in rad/s.
+            after: about those at its end (nstart x njoint), in rad/s.
+            present: friction at the beginning (nstart x njoint), in N m.
+            rigid: the torque that loads the joints (nstart x njoint), in N m.
+        """
+        across = np.where(np.abs(after - before) > SLIGHT, after - before, SLIGHT)
+        return np.maximum((friction(before + across, rigid) - present) / across, 0.0)
+
+    def rate(angles: Array, speeds: Array, torques: Array, growing: Array) -> Array:
+        """Accelerations at a state.
 
         Args:
             angles: of the joints (nstart x njoint), in rad.
             speeds: of the joints (nstart x njoint), in rad/s.
-            torques: that are sent (nstart x njoint), in N m.
-            before: speeds at the beginning of the step (nstart x njoint), in rad/s.
-            after: about those at its end (nstart x njoint), in rad/s.
-            rigid: the torque that loads the joints (nstart x njoint), in N m.
+            torques: that friction leaves of those that are sent (nstart x njoint), in N m.
+            growing: how friction grows with speed (nstart x njoint), in N m s.
         """
-        where = np.broadcast_to(angles[:, None], (len(angles), n + 1, n))
-        needed = model.rigid(bodies[:, None], where, speeds[:, None], units)
-        matrices = (needed[:, 1:] - needed[:, :1]).swapaxes(-1, -2) + spun
-        present = friction(before, rigid)
-        across = np.where(np.abs(after - before) > SLIGHT, after - before, SLIGHT)
-        resisting = np.maximum((friction(before + across, rigid) - present) / across, 0.0)
-        stiff = matrices + step * resisting[:, :, None] * np.eye(n)
+        matrices, bias = dynamics(angles, speeds)
+        stiff = matrices + spun + step * growing[:, :, None] * np.eye(n)
         is_lost = ~(np.isfinite(stiff).all(axis=(1, 2)) & (np.abs(speeds).max(axis=1) < RUNAWAY))
         stiff = np.where(is_lost[:, None, None], np.eye(n), stiff)
-        rest_of_torque = torques - needed[:, 0] - present
-        return np.asarray(np.linalg.solve(stiff, rest_of_torque[..., None])[..., 0], dtype=np.float64)
+        return np.asarray(np.linalg.solve(stiff, (torques - bias)[..., None])[..., 0], dtype=np.float64)
 
     with np.errstate(all="ignore"):
         for torques in sent.swapaxes(0, 1):
-            rigid = rest
-            if "load" in model.friction:  # without accelerations, so that nothing chatters
-                rigid = model.rigid(bodies, angles, speeds, rest)
+            # without accelerations, so that nothing chatters
+            rigid = dynamics(angles, speeds)[1] if "load" in model.friction else rest
             for _ in range(fine):
-                faster = rate(angles, speeds, torques, speeds, speeds, rigid)
+                present = friction(speeds, rigid)
+                left = torques - present
+                faster = rate(angles, speeds, left, resisting(speeds, speeds, present, rigid))
                 half = angles + 0.5 * step * speeds, speeds + 0.5 * step * faster
-                faster = rate(*half, torques, speeds, speeds + step * faster, rigid)
+                faster = rate(*half, left, resisting(speeds, speeds + step * faster, present, rigid))
                 after = speeds + step * faster
                 sliding = model.sliding.after(sliding, 0.5 * (speeds + after), step)
                 angles, speeds = angles + 0.5 * step * (speeds + after), after

@@ -14,16 +14,11 @@ from metaid.models.tree.bodies import (
     possible_bodies,
     pseudo_inertia,
 )
+from metaid.models.tree.dynamics import Dynamics, body_dynamics, joint_mass_matrix
 from metaid.models.tree.joint_friction import COLUMNS, SHARED, JointFriction, Sliding, friction_torque
 from metaid.models.tree.known_bodies import KnownBodies, body_quantities, known_bodies
 from metaid.models.tree.misplaced import MISPLACED, last_link_turned, misplaced
 from metaid.models.tree.model_error import ModelError, difference, model_error, torque_half_width, torque_rows
 from metaid.models.tree.planar import is_pendulum, planar_chain, planar_tree, turning
-from metaid.models.tree.regressor import (
-    body_torque,
-    joint_mass_matrix,
-    joint_torque,
-    kinetic_squares,
-    torque_regressor,
-)
+from metaid.models.tree.regressor import body_torque, joint_torque, kinetic_squares, torque_regressor
 from metaid.models.tree.tree import PARAMETERS, Tree, tilted_gravity

@@ -9,7 +9,8 @@ import numpy as np
 from metaid.models.intervals import deviations_at_once
 from metaid.models.lumps import Array
 from metaid.models.tree.base import NOTHING, STATES, BaseParameters, random_states
-from metaid.models.tree.regressor import joint_mass_matrix, joint_torque, torque_regressor
+from metaid.models.tree.dynamics import joint_mass_matrix
+from metaid.models.tree.regressor import joint_torque, torque_regressor
 from metaid.models.tree.tree import Tree
 
 HELD_OUT = 2  # the seed of states that nothing else is computed from

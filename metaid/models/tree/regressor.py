@@ -152,16 +152,6 @@ def kinetic_squares(tree: Tree, coordinates: Array, speeds: Array) -> Array:
     return np.asarray((speeds * (bodies + tree.rotor * speeds)).sum(axis=-1), dtype=np.float64)
 
 
-def joint_mass_matrix(tree: Tree, coordinates: Array) -> Array:
-    """The mass matrix (... x njoint x njoint), in kg m² (kg m and kg where joints are slides), rotors included."""
-    still = np.zeros((*coordinates.shape, tree.njoint))
-    where = np.broadcast_to(coordinates[..., None, :], still.shape)
-    each = np.broadcast_to(np.eye(tree.njoint), still.shape)
-    rest = np.zeros_like(coordinates)
-    columns = joint_torque(tree, where, still, each) - joint_torque(tree, coordinates, rest, rest)[..., None, :]
-    return np.asarray(columns.swapaxes(-1, -2), dtype=np.float64)
-
-
 def _placed(tree: Tree, joint: int, coordinate: Array) -> tuple[_Turn, Array]:
     """How a link's frame is turned, and its origin (3 x ...) in the frame of the link before, at a `coordinate`
     (...).

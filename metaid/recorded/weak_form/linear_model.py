@@ -20,10 +20,12 @@ from metaid.models.tree import (
     PARAMETERS,
     SHARED,
     ArmPrior,
+    Dynamics,
     JointFriction,
     PriorDeviations,
     Sliding,
     Tree,
+    body_dynamics,
     body_torque,
     friction_torque,
     is_pendulum,
@@ -60,7 +62,9 @@ class LinearModel:
         bodies: the torque (... x njoint x nbody) for a unit of each of the bodies' unknowns, of joint coordinates,
             speeds and accelerations (... x njoint each).
         rigid: the torque (... x njoint) of bodies with such values (nbody, or ... x nbody), of the same, where speeds
-            and accelerations are broadcast to coordinates: for an arm at much less cost.
+            and accelerations are broadcast to coordinates: at much less cost.
+        dynamics: what makes of coordinates and speeds (nstate x njoint each) the mass matrix (nstate x njoint x njoint)
+            and the torque without accelerations (nstate x njoint), of such bodies (nbody, or nstate x nbody).
         joints: the names of the joints (njoint).
         slides: which joints (njoint) are slides.
         friction: the terms of the joints, in the order of COLUMNS.
@@ -80,6 +84,7 @@ class LinearModel:
     covariance: Array
     bodies: Bodies
     rigid: Rigid
+    dynamics: Callable[[Array], Dynamics]
     joints: tuple[str, ...]
     slides: NDArray[np.bool_]
     friction: tuple[str, ...]
@@ -265,15 +270,22 @@ def chain_model(chain: Chain, gravity: float) -> LinearModel:
     law = ChainModel(chain.lumps_of(kinds), gravity)
     lumps = law.parameters
     rotors = lumps[len(lumps) - n + 1 :]
+    joints = np.arange(1, n)
 
     def bodies(angles: Array, speeds: Array, accelerations: Array) -> Array:
         turned = np.zeros((*angles.shape, n - 1))
-        joints = np.arange(1, n)
         turned[..., joints, joints - 1] = accelerations[..., 1:]
         return np.concatenate([law.regressor(angles, speeds, accelerations), turned], axis=-1)
 
+    def dynamics(values: Array) -> Dynamics:
+        own = ChainModel(law.lumps.with_parameters(values[..., : len(lumps)]), gravity)
+        spun = np.zeros((*values.shape[:-1], n, n))
+        spun[..., joints, joints] = values[..., len(lumps) :]
+        return lambda angles, speeds: (own.mass_matrix(angles) + spun, own.torque(angles, speeds))
+
     def _rigid(values: Array, angles: Array, speeds: Array, accelerations: Array) -> Array:
-        return np.asarray((bodies(angles, speeds, accelerations) @ values[..., None])[..., 0])
+        matrices, bias = dynamics(values)(angles, speeds)
+        return np.asarray(bias + (matrices @ accelerations[..., None])[..., 0])
 
     names = [*names, *(f"rotor_{i + 1}" for i in range(1, n))]
     return _with_friction(
@@ -285,6 +297,7 @@ def chain_model(chain: Chain, gravity: float) -> LinearModel:
             covariance=np.diag(np.concatenate([SPREAD * lumps, rotors]) ** 2),
             bodies=bodies,
             rigid=_rigid,
+            dynamics=dynamics,
             joints=tuple(f"{i + 1}" for i in range(n)),
             slides=np.zeros(n, dtype=np.bool_),
             friction=(),
@@ -318,10 +331,24 @@ def arm_model(
         every = torque_regressor(tree, coordinates, speeds, accelerations)
         return every.reshape(*every.shape[:-2], -1)[..., columns]
 
-    def _rigid(values: Array, coordinates: Array, speeds: Array, accelerations: Array) -> Array:
+    def of_links(values: Array) -> Array:
         every = np.zeros((*values.shape[:-1], tree.njoint * len(PARAMETERS)))
         every[..., columns] = values
-        parameters = every.reshape(*values.shape[:-1], tree.njoint, len(PARAMETERS))
+        return every.reshape(*values.shape[:-1], tree.njoint, len(PARAMETERS))
+
+    def dynamics(values: Array) -> Dynamics:
+        parameters = of_links(values)
+        spun = parameters[..., ROTOR, None] * np.eye(tree.njoint)
+        of_bodies = body_dynamics(tree, parameters)
+
+        def of_robot(coordinates: Array, speeds: Array) -> tuple[Array, Array]:
+            matrices, bias = of_bodies(coordinates, speeds)
+            return matrices + spun, bias
+
+        return of_robot
+
+    def _rigid(values: Array, coordinates: Array, speeds: Array, accelerations: Array) -> Array:
+        parameters = of_links(values)
         needed = body_torque(tree, parameters, coordinates, speeds, accelerations)
         return needed + parameters[..., ROTOR] * accelerations
 
@@ -337,6 +364,7 @@ def arm_model(
             covariance=prior.covariance[np.ix_(kept, kept)],
             bodies=bodies,
             rigid=_rigid,
+            dynamics=dynamics,
             joints=tuple(tree.names),
             slides=tree.slides,
             friction=(),
