@@ -194,7 +194,7 @@ class Equations:
             prior = prior_of(model, rows, every, self.scale)
             for _ in range(ROUNDS):
                 weight = np.asarray(np.linalg.inv(covariance + floor), dtype=np.float64)
-                blocks = self._blocks(rows, weight, zeros)
+                blocks = self._blocks(rows, weight)
                 values, changes, precision = eliminated(blocks, nominal, prior, zeros, self.zeros and step > 0)
                 left = self._left(rows, values, changes)
                 covariance = self._of_held(left.T @ left / len(left))
@@ -305,18 +305,28 @@ class Equations:
         )
         return np.concatenate([rows, columns], axis=-1)
 
-    def _blocks(self, rows: list[Array], weight: Array, zeros: Array) -> Blocks:
-        grams, moments, logs, shared = [], [], [], []
-        root = np.linalg.cholesky(weight).T
-        for part, own, torques in zip(self.parts, rows, self.torques, strict=True):
-            folds = np.array([fold.shared(part.log, part.windows) for fold in self.folds]).reshape(-1, len(own)).T
+    @cached_property
+    def _together(self) -> list[tuple[int, NDArray[np.intp], NDArray[np.bool_]]]:
+        """Windows that share time with what the same folds hold out: of which part, which of its windows they are, and
+        which folds these are (nfold).
+        """
+        together = []
+        for number, part in enumerate(self.parts):
+            windows = part.windows
+            folds = np.array([fold.shared(part.log, windows) for fold in self.folds]).reshape(-1, len(windows)).T
             kinds, of_kind = np.unique(folds, axis=0, return_inverse=True)
-            for number, kind in enumerate(kinds):
-                flat = (root @ own[of_kind == number]).reshape(-1, own.shape[-1])
-                grams.append(flat.T @ flat)
-                moments.append(flat.T @ (torques[of_kind == number] @ root.T).ravel())
-                logs.append(part.log)
-                shared.append(kind)
+            together += [(number, np.flatnonzero(of_kind == kind), shared) for kind, shared in enumerate(kinds)]
+        return together
+
+    def _blocks(self, rows: list[Array], weight: Array) -> Blocks:
+        grams, moments = [], []
+        root = np.linalg.cholesky(weight).T
+        for number, windows, _ in self._together:
+            flat = (root @ rows[number][windows]).reshape(-1, rows[number].shape[-1])
+            grams.append(flat.T @ flat)
+            moments.append(flat.T @ (self.torques[number][windows] @ root.T).ravel())
+        numbers, _, shared = zip(*self._together, strict=True)
+        logs = [self.parts[number].log for number in numbers]
         return Blocks(np.array(grams), np.array(moments), np.array(logs), np.array(shared))
 
     def _left(self, rows: list[Array], values: Array, changes: Array) -> Array:

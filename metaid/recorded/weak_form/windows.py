@@ -103,7 +103,8 @@ class Windows:
     def averaged(self, at_nodes: Array) -> Array:
         """What is known at nodes (nwindow x nnode x ...), averaged by each test function (nwindow x ntest x ...)."""
         weights = np.stack([test(self.nodes) for test in TESTS]) / len(self.nodes)
-        return np.asarray(np.einsum("an,wn...->wa...", weights, at_nodes, optimize=True), dtype=np.float64)
+        averaged: Array = weights @ at_nodes.reshape(*at_nodes.shape[:2], -1)
+        return averaged.reshape(len(at_nodes), len(TESTS), *at_nodes.shape[2:])
 
     def torques(self, record: Record, delay: float = 0.0) -> Array:
         """The averaged torque that was sent (nwindow x ntest x njoint), `delay` in s later than it is logged.  Eq. 65.
