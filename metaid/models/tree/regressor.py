@@ -11,6 +11,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from metaid.models.law import sliding
 from metaid.models.lumps import Array
@@ -31,8 +32,26 @@ def torque_regressor(tree: Tree, coordinates: Array, speeds: Array, acceleration
         speeds: of the joints (... x njoint), in rad/s or m/s.
         accelerations: that the torque gives them (... x njoint), in rad/s² or m/s².
     """
-    n, lead = tree.njoint, coordinates.shape[:-1]
-    regressor = np.zeros((*lead, n, n, len(PARAMETERS)))
+    n = tree.njoint
+    every = torque_columns(tree, np.arange(n * len(PARAMETERS)), coordinates, speeds, accelerations)
+    return every.reshape(*every.shape[:-1], n, len(PARAMETERS))
+
+
+def torque_columns(
+    tree: Tree, columns: NDArray[np.intp], coordinates: Array, speeds: Array, accelerations: Array
+) -> Array:
+    """The same for some of the parameters of all joints alone (... x njoint x ncolumn).
+
+    Args:
+        tree: where the joints are; its parameters have no influence.
+        columns: which of these they are (ncolumn), of 13 njoint.
+        coordinates: of the joints (... x njoint), in rad or m.
+        speeds: of the joints (... x njoint), in rad/s or m/s.
+        accelerations: that the torque gives them (... x njoint), in rad/s² or m/s².
+    """
+    lead = coordinates.shape[:-1]
+    found = np.zeros((*coordinates.shape, len(columns)))
+    links, parameters = np.divmod(columns, len(PARAMETERS))
     axes = origins = np.zeros((3, 0, *lead))  # of the joints up to the link's own, in its frame
     for i, link in enumerate(_moving(tree, coordinates, speeds, accelerations)):
         axis = np.broadcast_to(tree.axis[i].reshape(3, 1, *[1] * len(lead)), (3, 1, *lead))
@@ -42,12 +61,13 @@ def torque_regressor(tree: Tree, coordinates: Array, speeds: Array, acceleration
         # A hinge turns the link, and moves its origin on a circle; a slide moves it.
         slides = tree.slides[: i + 1].reshape(i + 1, *[1] * len(lead))
         twists = np.concatenate([np.where(slides, 0.0, axes), np.where(slides, axes, -_cross(axes, origins))])
-        columns = np.einsum("kj...,kp...->jp...", twists, _of_body(link))  # Eq. 51
-        regressor[..., : i + 1, i, :BODY] = np.moveaxis(columns, (0, 1), (-2, -1))
-        friction = accelerations[..., i], speeds[..., i], sliding(speeds[..., i])
-        for parameter, each in enumerate(friction, start=BODY):
-            regressor[..., i, i, parameter] = each
-    return regressor
+        of_body = np.flatnonzero((links == i) & (parameters < BODY))
+        torque = np.einsum("kj...,kp...->jp...", twists, _of_body(link)[:, parameters[of_body]])  # Eq. 51
+        found[..., : i + 1, of_body] = np.moveaxis(torque, (0, 1), (-2, -1))
+        of_joint = accelerations[..., i], speeds[..., i], sliding(speeds[..., i])
+        for column in np.flatnonzero((links == i) & (parameters >= BODY)):
+            found[..., i, column] = of_joint[parameters[column] - BODY]
+    return found
 
 
 def body_torque(tree: Tree, parameters: Array, coordinates: Array, speeds: Array, accelerations: Array) -> Array:

@@ -29,7 +29,7 @@ from metaid.models.tree import (
     body_torque,
     friction_torque,
     is_pendulum,
-    torque_regressor,
+    torque_columns,
     turning,
 )
 from metaid.plant import MujocoPlant, SimulatedPlant
@@ -328,8 +328,7 @@ def arm_model(
     columns = prior.base.columns[kept]
 
     def bodies(coordinates: Array, speeds: Array, accelerations: Array) -> Array:
-        every = torque_regressor(tree, coordinates, speeds, accelerations)
-        return every.reshape(*every.shape[:-2], -1)[..., columns]
+        return torque_columns(tree, columns, coordinates, speeds, accelerations)
 
     def of_links(values: Array) -> Array:
         every = np.zeros((*values.shape[:-1], tree.njoint * len(PARAMETERS)))
