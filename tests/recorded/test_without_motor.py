@@ -23,6 +23,7 @@ pytestmark = pytest.mark.slow
 SECONDS, STEP, SUBSTEPS = 12.0, 0.005, 2  # s of a log, and between two rows, and Runge-Kutta steps in it
 ENCODER = 0.38e-3  # rad
 GRAVITY = 9.81
+FRICTION = ("viscous", "coulomb")  # said where its terms are not what is asked for: to find them takes longest
 Pair = tuple[float, float]
 Accelerate = Callable[[float, float, float, float, Pair], Pair]
 
@@ -153,7 +154,7 @@ def test_rotary_pendulum_needs_no_column_for_a_motor_that_it_has_not(tmp_path: P
 def test_motor_whose_torque_was_not_logged_is_no_joint_without_one() -> None:
     """It is named, with the option that leaves its torque out."""
     log = moved(double_pendulum, 0.0, (0.1, 0.1), 0).assign(torque_2=0.0)
-    found = metaid.estimate(log, BELIEVED, zero={"1": np.pi})
+    found = metaid.estimate(log, BELIEVED, zero={"1": np.pi}, friction=FRICTION)
     assert any("--untrusted 2 " in reason for reason in found.verdict.reasons)
 
 
@@ -161,7 +162,7 @@ def test_rotary_pendulum_whose_encoder_counts_the_other_way_is_named(tmp_path: P
     """With the option that mends it."""
     (tmp_path / "rotary.xml").write_text(ROTARY_FILE)
     log = moved(rotary_pendulum, np.pi, (0.003, 0.0), 0, 2.0)
-    found = metaid.estimate(log.assign(angle_2=-log["angle_2"]), tmp_path / "rotary.xml")
+    found = metaid.estimate(log.assign(angle_2=-log["angle_2"]), tmp_path / "rotary.xml", friction=FRICTION)
     assert any("joint pendulum counts the other way: --reversed pendulum" in each for each in found.verdict.reasons)
 
 
@@ -171,5 +172,6 @@ def test_pendulum_that_was_zeroed_where_it_hangs_is_named(nlink: int) -> None:
     (log, *_) = swung(0)
     if nlink == 1:
         log = moved(one_link, 0.0, (0.1, 0.0), 0)[["time", "angle_1", "torque_1"]]
-    found = metaid.estimate(log, {**BELIEVED, "links": BELIEVED["links"][:nlink]})  # type: ignore[index]
+    believed = {**BELIEVED, "links": BELIEVED["links"][:nlink]}  # type: ignore[index]
+    found = metaid.estimate(log, believed, friction=FRICTION)
     assert any("--zero 1=3.1416" in reason for reason in found.verdict.reasons)

@@ -83,7 +83,7 @@ def _named(equations: Equations, found: RecordedEstimate, measured: Absolute | N
     turned = _turned(found)
     if usual.max() < WRONG and not units:
         return turned
-    every = list(suspected(check))
+    every = [each for each in suspected(check) if each.check.is_solved]
     worth, mended = [], {}
     for each in every:
         # It may be what is wrong that looks like another unit of all torques.
@@ -161,7 +161,7 @@ def _both(every: Sequence[Suspected], usual: Array, below: float) -> Fact | None
         frozenset((one.option, other.option)): (one, other)
         for one in first
         for other in suspected(one.check)
-        if what_of(one.option) != what_of(other.option)
+        if what_of(one.option) != what_of(other.option) and other.check.is_solved
     }
     best = sorted(pairs.values(), key=lambda pair: together(pair[1].check.free, usual))[:TRIED]
     scaled = [(pair, pair[1].check.with_scale()) for pair in best]

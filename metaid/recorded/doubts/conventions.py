@@ -39,6 +39,16 @@ class Check:
     measured: Absolute
 
     @property
+    def is_solved(self) -> bool:
+        """Whether the equations have a solution: of a motor that turns with two joints the rotor may be told from no
+        body where nothing is left of the torques.
+        """
+        try:
+            return bool(self.equations.solved)
+        except np.linalg.LinAlgError:
+            return False
+
+    @property
     def free(self) -> Array:
         """The share of its torque that the free fit leaves unexplained in each joint (njoint)."""
         return self._unexplained(self.equations.solved[0].values)
