@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import mujoco
@@ -24,6 +25,7 @@ ARM = """<mujoco><option timestep="0.002"/><worldbody><body><joint name="shoulde
 MET = 7.5  # s
 
 
+@cache
 def log_of_motion() -> pd.DataFrame:
     """What a servo reads and sends along a motion that leaves for a moment what the stop allows, 60°."""
     model = mujoco.MjModel.from_xml_string(ARM.format(mass=1.0))

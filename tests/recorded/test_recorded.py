@@ -202,10 +202,9 @@ def test_model_of_a_log_is_taken_away(metaid: Metaid, rig: Path) -> None:
         "--friction",
         "viscous",
     )
-    for name in ("model.toml", "model.xml", "model.json"):
-        done = metaid(*given, "-o", name)
-        assert (done.status, done.err) == (0, "")
-        assert "FOUND: " in done.out
+    done = metaid(*given, *(text for name in ("model.toml", "model.xml", "model.json") for text in ("-o", name)))
+    assert (done.status, done.err) == (0, "")
+    assert "FOUND: " in done.out
     said = json.loads(Path("model.json").read_text())
     assert {"gravity_1", "damping_2"} <= {lump["name"] for lump in said["lumps"]}
     assert len(said["covariance"]["values"]) == len(said["covariance"]["names"])

@@ -35,7 +35,8 @@ from metaid.recorded.weak_form.windows import cut_windows
 
 pytestmark = pytest.mark.slow
 
-VISCOUS = Choices(friction=("viscous",))  # said, for to find its terms takes longer than all else
+# Said, for to find its terms takes longer than all else.
+VISCOUS, BASE = Choices(friction=("viscous",)), Choices(friction=("viscous", "coulomb"))
 
 
 def judged(record: Record, model: LinearModel, choices: Choices | None = None) -> RecordedVerdict:
@@ -92,8 +93,7 @@ def test_friction_that_bends_near_rest_is_suspected() -> None:
     """Dry friction that a joint has only from some of its speed on is named, and nothing is surer than it allows."""
     chain = load_chain("two-link").chain
     record = log_of(planar_tree(chain, 9.81), extra=lambda speeds: 0.2 * np.tanh(speeds / 1.0))
-    asked = Choices(friction=("viscous", "coulomb"))
-    found = judged(record, chain_model(wrong_chain(chain, 1), 9.81), asked)
+    found = judged(record, chain_model(wrong_chain(chain, 1), 9.81), BASE)
     true = chain.lumps_of(("gravity", "coriolis", "inertia")).vector
     assert not outside(found, true)
     assert any("friction that bends near rest of joints 1, 2" in reason for reason in found.reasons)
@@ -163,7 +163,7 @@ def test_zero_that_is_off_by_a_quarter_turn_is_named_with_its_sign(shift: float,
         Record(f"run{first}.csv", slower * times[first:last], read[first:last], None, torques[first:last])
         for first, last in pairwise((0, 700, 1400, 2001))
     ]
-    found = estimate_records(runs, arm_model(wrong_tree(arm, 0)))
+    found = estimate_records(runs, arm_model(wrong_tree(arm, 0)), BASE)
     facts = facts_of(found)
     assert [fact.option for fact in facts] == [f"--zero shoulder={shift:.4f}"]
     said = [reason for reason in judge_records(runs, found).reasons if "farther than chance puts it" in reason]
