@@ -1,8 +1,8 @@
 """The study DB: an ordinary Optuna study DB, written a generation at a time.
 
-Optuna's storage opens the DB, makes its tables and checks its schema version; rows are written through Optuna's own
-SQLAlchemy model classes, one transaction per generation, so that a reader or a crash sees whole generations and never
-a RUNNING trial. Nothing in a DB is ever unpickled.
+Optuna's storage makes its tables and checks its schema version; rows are written through Optuna's own tables, one
+transaction per generation, so that a reader or a crash sees whole generations and never a RUNNING trial. Nothing in a
+DB is ever unpickled.
 """
 
 from __future__ import annotations
@@ -14,25 +14,27 @@ import sqlite3
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import sqlalchemy as sa
 from optuna.distributions import FloatDistribution, distribution_to_json
 from optuna.exceptions import OptunaError, StorageInternalError
+from optuna.storages import RDBStorage
 from optuna.study import StudyDirection
 from sqlalchemy.exc import SQLAlchemyError
 
 from metaid.errors import StorageError, UnreachableError, unknown
 from metaid.models import Array
-from metaid.store.opening import open_storage
+from metaid.store.opening import open_engine, optuna_storage
 from metaid.store.optuna_tables import (
+    STUDIES,
+    STUDY_ATTRIBUTES,
+    STUDY_DIRECTIONS,
+    STUDY_SYSTEM_ATTRIBUTES,
     STUDY_TABLES,
     TRIAL_TABLES,
-    StudyDirectionModel,
-    StudyModel,
-    StudySystemAttributeModel,
-    StudyUserAttributeModel,
-    TrialModel,
+    TRIALS,
     unreadable,
 )
 from metaid.store.ownership import DIGEST, End, digest_of, end_of, remove_orphans
@@ -50,8 +52,8 @@ MOST_SHOWN = 64  # trials of others whose motion is read
 WriteCheck = Callable[[sa.Connection, int], None]
 SPOILED = ValueError, TypeError, LookupError, ArithmeticError  # what reading a row of another type or form raises
 
-_ATTRIBUTES: dict[bool, Any] = {True: StudyUserAttributeModel, False: StudySystemAttributeModel}  # by who sees them
-_STUDY = sa.select(StudyModel.study_id).where(StudyModel.study_name == sa.bindparam("study"))
+_ATTRIBUTES = {True: STUDY_ATTRIBUTES, False: STUDY_SYSTEM_ATTRIBUTES}  # by who sees them
+_STUDY = sa.select(STUDIES.c.study_id).where(STUDIES.c.study_name == sa.bindparam("study"))
 
 
 def storage_url(storage: str) -> str:
@@ -88,14 +90,21 @@ class Store:
         self.is_sqlite = self._address.get_backend_name() == "sqlite"
         self._driver: Any = sqlite3  # the module whose errors are translated
         with self._errors():
-            self.optuna = open_storage(self._address, create)
-        self._engine: sa.Engine = self.optuna.engine
+            self._engine = open_engine(self._address, create)
         self._driver = self._engine.dialect.dbapi
         self._statements: dict[Any, Any] = {}
         self._ends: dict[str, End] = {}  # of studies, as they were last seen
 
+    @cached_property
+    def optuna(self) -> RDBStorage:
+        """Optuna's own storage of the same DB. Nothing but Optuna's tools and the trials of others need it."""
+        with self._errors():
+            return optuna_storage(self._address)
+
     def close(self) -> None:
         self._engine.dispose()
+        if "optuna" in vars(self):
+            self.optuna.engine.dispose()
 
     @contextmanager
     def _errors(self) -> Iterator[None]:
@@ -134,10 +143,10 @@ class Store:
     def names(self) -> list[str]:
         """Names of the studies that metaid made, oldest first."""
         query = (
-            sa.select(StudyModel.study_name)
-            .join(StudyUserAttributeModel)
-            .where(StudyUserAttributeModel.key == SPEC_KEY)
-            .order_by(StudyModel.study_id)
+            sa.select(STUDIES.c.study_name)
+            .join(STUDY_ATTRIBUTES)
+            .where(STUDY_ATTRIBUTES.c.key == SPEC_KEY)
+            .order_by(STUDIES.c.study_id)
         )
         with self._errors(), self._engine.connect() as connection:
             return list(connection.scalars(query))
@@ -145,7 +154,7 @@ class Store:
     def other_names(self) -> list[str]:
         """Names of the Optuna studies that metaid did not make, oldest first, but for thinned companions of its own."""
         own = set(self.names())
-        query = sa.select(StudyModel.study_name).order_by(StudyModel.study_id)
+        query = sa.select(STUDIES.c.study_name).order_by(STUDIES.c.study_id)
         with self._errors(), self._engine.connect() as connection:
             names = list(connection.scalars(query))
         return [name for name in names if name not in own and name.removesuffix(COMPANION) not in own]
@@ -155,25 +164,25 @@ class Store:
         transaction.  Raises StorageError if there is one.
         """
         with self._errors(), self._engine.begin() as connection:
-            if connection.scalar(sa.select(StudyModel.study_id).where(StudyModel.study_name == name)) is not None:
+            if connection.scalar(sa.select(STUDIES.c.study_id).where(STUDIES.c.study_name == name)) is not None:
                 raise StorageError(
                     f"{self.url} has a study '{name}' already (choose another with --name, or delete it)"
                 )
             if self.is_sqlite:
                 remove_orphans(connection)
-            study_id = connection.scalar(sa.insert(StudyModel).values(study_name=name).returning(StudyModel.study_id))
+            study_id = connection.scalar(sa.insert(STUDIES).values(study_name=name).returning(STUDIES.c.study_id))
             connection.execute(
-                sa.insert(StudyDirectionModel).values(direction=StudyDirection.MINIMIZE, study_id=study_id, objective=0)
+                sa.insert(STUDY_DIRECTIONS).values(direction=StudyDirection.MINIMIZE, study_id=study_id, objective=0)
             )
             attributes = study_attributes(spec, joint_count)
             rows = [{"study_id": study_id, "key": key, "value_json": json.dumps(v)} for key, v in attributes.items()]
-            connection.execute(sa.insert(StudyUserAttributeModel), rows)
+            connection.execute(sa.insert(STUDY_ATTRIBUTES), rows)
 
     def spec(self, name: str) -> str:
         """The JSON that the study was made from."""
-        query = sa.select(StudyUserAttributeModel.value_json).where(
-            StudyUserAttributeModel.study_id == self._study_id(name),
-            StudyUserAttributeModel.key == SPEC_KEY,
+        query = sa.select(STUDY_ATTRIBUTES.c.value_json).where(
+            STUDY_ATTRIBUTES.c.study_id == self._study_id(name),
+            STUDY_ATTRIBUTES.c.key == SPEC_KEY,
         )
         with self._errors(), self._engine.connect() as connection:
             return str(connection.scalar(query))
@@ -183,7 +192,9 @@ class Store:
         where it has none of that `key`.
         """
         attribute = _ATTRIBUTES[shown]
-        query = sa.select(attribute.value_json).where(attribute.study_id == self._study_id(name), attribute.key == key)
+        query = sa.select(attribute.c.value_json).where(
+            attribute.c.study_id == self._study_id(name), attribute.c.key == key
+        )
         with self._errors(), self._engine.connect() as connection:
             text = connection.scalar(query)
             return None if text is None else json.loads(text)
@@ -203,7 +214,7 @@ class Store:
         attribute = _ATTRIBUTES[shown]
         with self.writing(name) as (connection, study_id):
             write_check(connection, study_id)
-            connection.execute(sa.delete(attribute).where(attribute.study_id == study_id, attribute.key == key))
+            connection.execute(sa.delete(attribute).where(attribute.c.study_id == study_id, attribute.c.key == key))
             row = {"study_id": study_id, "key": key, "value_json": json.dumps(value)}
             connection.execute(sa.insert(attribute).values(row))
 
@@ -229,12 +240,12 @@ class Store:
         self._study_id(name)  # raises for a study that metaid did not make
         with self.writing(name) as (connection, study_id):
             write_check(connection, study_id)
-            trials = sa.select(TrialModel.trial_id).where(TrialModel.study_id == study_id)
+            trials = sa.select(TRIALS.c.trial_id).where(TRIALS.c.study_id == study_id)
             for table in TRIAL_TABLES:
                 connection.execute(sa.delete(table).where(table.c.trial_id.in_(trials)))
             for table in STUDY_TABLES:
                 connection.execute(sa.delete(table).where(table.c.study_id == study_id))
-            connection.execute(sa.delete(StudyModel).where(StudyModel.study_id == study_id))
+            connection.execute(sa.delete(STUDIES).where(STUDIES.c.study_id == study_id))
 
     def append(
         self,
@@ -271,10 +282,10 @@ class Store:
                     f"study '{name}' has {end.count} trials where {trials[0].number} were expected: "
                     "another program has written to it"
                 )
-            self._insert(connection, TrialModel, head_rows(end, trials))
+            self._insert(connection, TRIALS, head_rows(end, trials))
             ids = list(connection.scalars(IDS_AFTER, {"study_id": end.study_id, "last_id": end.last_id}))
-            for model, rows in detail_rows(ids, trials, names, distributions, end.digest).items():
-                self._insert(connection, model, rows)
+            for table, rows in detail_rows(ids, trials, names, distributions, end.digest).items():
+                self._insert(connection, table, rows)
 
     def _end(self, connection: sa.Connection, name: str) -> End:
         self._ends[name] = end = end_of(connection, name, self._ends.get(name))
@@ -285,14 +296,14 @@ class Store:
         with self._errors(), self._engine.connect() as connection:
             return self._end(connection, name).count
 
-    def _insert(self, connection: sa.Connection, model: Any, rows: list[dict[str, Any]]) -> None:
+    def _insert(self, connection: sa.Connection, table: sa.Table, rows: list[dict[str, Any]]) -> None:
         """Inserts `rows`, all with the same columns and of types that the driver knows.
 
         SQLAlchemy makes the statement once; preparing each row anew, as it would, takes longer than writing it.
         """
-        if model not in self._statements:
-            self._statements[model] = sa.insert(model).compile(self._engine, column_keys=list(rows[0]))
-        statement = self._statements[model]
+        if table not in self._statements:
+            self._statements[table] = sa.insert(table).compile(self._engine, column_keys=list(rows[0]))
+        statement = self._statements[table]
         if statement.positiontup is None:
             connection.exec_driver_sql(statement.string, rows)
         else:
@@ -329,7 +340,7 @@ class Store:
 
     def _study_id(self, name: str) -> int:
         with self._errors(), self._engine.connect() as connection:
-            study_id = connection.scalar(sa.select(StudyModel.study_id).where(StudyModel.study_name == name))
+            study_id = connection.scalar(sa.select(STUDIES.c.study_id).where(STUDIES.c.study_name == name))
         if study_id is None or name not in self.names():
             raise StorageError(f"{self.url}: {unknown('study', name, self.names())}")
         return int(study_id)

@@ -22,22 +22,22 @@ from pydantic import AwareDatetime, BaseModel, ConfigDict, ValidationError
 
 from metaid.errors import StorageError
 from metaid.store.database import Store
-from metaid.store.optuna_tables import StudySystemAttributeModel
+from metaid.store.optuna_tables import STUDY_SYSTEM_ATTRIBUTES
 from metaid.store.ownership import remove_orphans
 
 KEY = "metaid:lease"
 EXPIRY = 60.0  # s without a heartbeat after which a driver on another machine counts as dead
 INTERVAL = 15.0  # s between heartbeats of a driver that has nothing to write
 
-_attribute = StudySystemAttributeModel
-_held = sa.select(_attribute.value_json).where(_attribute.study_id == sa.bindparam("study"), _attribute.key == KEY)
+_row = STUDY_SYSTEM_ATTRIBUTES.c
+_held = sa.select(_row.value_json).where(_row.study_id == sa.bindparam("study"), _row.key == KEY)
 _ours = (
-    _attribute.study_id == sa.bindparam("study"),
-    _attribute.key == KEY,
-    _attribute.value_json.like(sa.bindparam("owner")),
+    _row.study_id == sa.bindparam("study"),
+    _row.key == KEY,
+    _row.value_json.like(sa.bindparam("owner")),
 )
-_renew = sa.update(_attribute).where(*_ours).values(value_json=sa.bindparam("lease"))
-_release = sa.delete(_attribute).where(*_ours)
+_renew = sa.update(STUDY_SYSTEM_ATTRIBUTES).where(*_ours).values(value_json=sa.bindparam("lease"))
+_release = sa.delete(STUDY_SYSTEM_ATTRIBUTES).where(*_ours)
 
 
 class Driver(BaseModel):
@@ -99,9 +99,9 @@ class Lease:
                 remove_orphans(connection)
             self._ahead = now - datetime.now(UTC)
             self._driver = _this_driver(now)
-            connection.execute(sa.delete(_attribute).where(_attribute.study_id == study_id, _attribute.key == KEY))
+            connection.execute(sa.delete(STUDY_SYSTEM_ATTRIBUTES).where(_row.study_id == study_id, _row.key == KEY))
             row = {"study_id": study_id, "key": KEY, "value_json": self._driver.model_dump_json()}
-            connection.execute(sa.insert(_attribute).values(**row))
+            connection.execute(sa.insert(STUDY_SYSTEM_ATTRIBUTES).values(**row))
             Lease.held_here.add(self._driver.token)
         self._pulse.start()
         return self

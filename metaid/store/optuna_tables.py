@@ -1,4 +1,4 @@
-"""The tables of an Optuna study DB, as Optuna's own SQLAlchemy classes.
+"""The tables of an Optuna study DB, which are those of Optuna's own SQLAlchemy classes.
 
 Optuna's public storage writes a trial in some ten transactions; a generation in one needs its tables. They are private
 names of Optuna, so all of them stand here, and pyproject.toml caps Optuna's version.
@@ -30,18 +30,24 @@ FINITE_VALUE = TrialValueModel.TrialValueType.FINITE.name
 FINITE_INTERMEDIATE_VALUE = TrialIntermediateValueModel.TrialIntermediateValueType.FINITE.name
 NO_INTERMEDIATE_VALUE = TrialIntermediateValueModel.TrialIntermediateValueType.NAN.name
 
-# Naive UTC, of the columns and not of Optuna's properties, which are in local time.
-STARTED = TrialModel.__table__.c.datetime_start
-COMPLETED = TrialModel.__table__.c.datetime_complete
+
+def _table(model: Any) -> sa.Table:
+    table: sa.Table = model.__table__
+    return table
 
 
-def _tables_of(model: Any) -> tuple[sa.Table, ...]:
-    """Those whose rows each belong to one of a `model`."""
-    own = model.__table__
+STUDIES, STUDY_DIRECTIONS = _table(StudyModel), _table(StudyDirectionModel)
+STUDY_ATTRIBUTES, STUDY_SYSTEM_ATTRIBUTES = _table(StudyUserAttributeModel), _table(StudySystemAttributeModel)
+TRIALS, TRIAL_ATTRIBUTES, TRIAL_PARAMS = _table(TrialModel), _table(TrialUserAttributeModel), _table(TrialParamModel)
+TRIAL_VALUES, TRIAL_INTERMEDIATE_VALUES = _table(TrialValueModel), _table(TrialIntermediateValueModel)
+
+
+def _tables_of(own: sa.Table) -> tuple[sa.Table, ...]:
+    """Those whose rows each belong to a row of a table."""
     return tuple(each for each in own.metadata.sorted_tables if any(key.references(own) for key in each.foreign_keys))
 
 
-STUDY_TABLES, TRIAL_TABLES = _tables_of(StudyModel), _tables_of(TrialModel)
+STUDY_TABLES, TRIAL_TABLES = _tables_of(STUDIES), _tables_of(TRIALS)
 
 
 def unreadable() -> tuple[type[Exception], ...]:

@@ -14,34 +14,30 @@ from dataclasses import dataclass
 from hashlib import blake2b
 
 import sqlalchemy as sa
-from sqlalchemy.orm import aliased
 
 from metaid.errors import StorageError
 from metaid.store.optuna_tables import (
+    STUDIES,
+    STUDY_ATTRIBUTES,
     STUDY_TABLES,
+    TRIAL_ATTRIBUTES,
     TRIAL_TABLES,
-    StudyModel,
-    StudyUserAttributeModel,
-    TrialModel,
-    TrialUserAttributeModel,
+    TRIALS,
 )
 
 MARK = "metaid:trial"  # the attribute of a trial that metaid wrote
 DIGEST = "metaid:digest"  # the attribute of a study that its trials' marks begin with
 EXPERIMENT = "metaid:experiment"  # the attribute of a trial of others that `metaid.objective` evaluated
 
-_digest = aliased(StudyUserAttributeModel)
-_mark = aliased(TrialUserAttributeModel)
+_digests, _marks = STUDY_ATTRIBUTES.alias(), TRIAL_ATTRIBUTES.alias()
 # Made once: making a statement takes longer than running it.
 _ENDING = (
-    sa.select(StudyModel.study_id, _digest.value_json, TrialModel.trial_id, TrialModel.number, _mark.value_json)
-    .outerjoin(_digest, (_digest.study_id == StudyModel.study_id) & (_digest.key == DIGEST))
-    .outerjoin(
-        TrialModel, (TrialModel.study_id == StudyModel.study_id) & (TrialModel.trial_id >= sa.bindparam("first"))
-    )
-    .outerjoin(_mark, (_mark.trial_id == TrialModel.trial_id) & (_mark.key == MARK))
-    .where(StudyModel.study_name == sa.bindparam("study"))
-    .order_by(TrialModel.trial_id)
+    sa.select(STUDIES.c.study_id, _digests.c.value_json, TRIALS.c.trial_id, TRIALS.c.number, _marks.c.value_json)
+    .outerjoin(_digests, (_digests.c.study_id == STUDIES.c.study_id) & (_digests.c.key == DIGEST))
+    .outerjoin(TRIALS, (TRIALS.c.study_id == STUDIES.c.study_id) & (TRIALS.c.trial_id >= sa.bindparam("first")))
+    .outerjoin(_marks, (_marks.c.trial_id == TRIALS.c.trial_id) & (_marks.c.key == MARK))
+    .where(STUDIES.c.study_name == sa.bindparam("study"))
+    .order_by(TRIALS.c.trial_id)
 )
 
 
@@ -117,9 +113,9 @@ def remove_orphans(connection: sa.Connection) -> None:
     """Removes what a deleted study, or a deleted trial, has left behind in an SQLite file, which allows that: the next
     one that gets its id would inherit it.
     """
-    studies = sa.select(StudyModel.study_id)
-    orphans = sa.select(TrialModel.trial_id).where(TrialModel.study_id.not_in(studies))
-    last = sa.select(sa.func.coalesce(sa.func.max(TrialModel.trial_id), 0)).scalar_subquery()
+    studies = sa.select(STUDIES.c.study_id)
+    orphans = sa.select(TRIALS.c.trial_id).where(TRIALS.c.study_id.not_in(studies))
+    last = sa.select(sa.func.coalesce(sa.func.max(TRIALS.c.trial_id), 0)).scalar_subquery()
     for table in TRIAL_TABLES:
         connection.execute(sa.delete(table).where(table.c.trial_id.in_(orphans)))
     for table in STUDY_TABLES:

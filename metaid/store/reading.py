@@ -9,16 +9,13 @@ from typing import Any
 
 import numpy as np
 import sqlalchemy as sa
-from sqlalchemy.orm import aliased
 
 from metaid.store.optuna_tables import (
-    COMPLETED,
-    STARTED,
-    StudyUserAttributeModel,
-    TrialModel,
-    TrialParamModel,
-    TrialUserAttributeModel,
-    TrialValueModel,
+    STUDY_ATTRIBUTES,
+    TRIAL_ATTRIBUTES,
+    TRIAL_PARAMS,
+    TRIAL_VALUES,
+    TRIALS,
 )
 from metaid.store.ownership import DIGEST, EXPERIMENT, MARK, own_rows
 from metaid.store.rows import MOTION_KEYS, Own, read_motions, read_outcomes, read_table
@@ -44,12 +41,14 @@ def read_trials(connection: sa.Connection, study_id: int, names: Sequence[str]) 
 
     Raises ValueError, TypeError or LookupError where metaid's own are not as it writes them.
     """
-    mark = TrialUserAttributeModel
+    trial, mark = TRIALS.c, TRIAL_ATTRIBUTES.c
+    # Times are naive UTC here, and in local time in what Optuna makes of them.
+    columns = trial.trial_id, trial.number, trial.state, trial.datetime_start, trial.datetime_complete
     query = (
-        sa.select(TrialModel.trial_id, TrialModel.number, TrialModel.state, STARTED, COMPLETED, mark.value_json)
-        .outerjoin(mark, (mark.trial_id == TrialModel.trial_id) & (mark.key == MARK))
-        .where(TrialModel.study_id == study_id)
-        .order_by(TrialModel.trial_id)
+        sa.select(*columns, mark.value_json)
+        .outerjoin(TRIAL_ATTRIBUTES, (mark.trial_id == trial.trial_id) & (mark.key == MARK))
+        .where(trial.study_id == study_id)
+        .order_by(trial.trial_id)
     )
     rows = connection.execute(query).all()
     is_own = own_rows(json.loads(_attribute(connection, study_id, DIGEST)), [row[5] for row in rows])
@@ -68,20 +67,20 @@ def _evaluated(connection: sa.Connection, study_id: int) -> tuple[dict[int, str]
     """Of the trials that `metaid.objective` evaluated, by their id in the DB: the experiment that they are of, the
     value, and which of them carry motion.
     """
-    marked, value, attribute = TrialUserAttributeModel, TrialValueModel, aliased(TrialUserAttributeModel)
-    query = sa.select(marked.trial_id, marked.value_json).join(TrialModel, TrialModel.trial_id == marked.trial_id)
-    query = query.where(TrialModel.study_id == study_id, marked.key == EXPERIMENT)
-    experiments = {row[0]: str(row[1]).strip('"') for row in connection.execute(query)}
-    with_value = query.join(value, value.trial_id == marked.trial_id).with_only_columns(marked.trial_id, value.value)
-    values = {row[0]: row[1] for row in connection.execute(with_value) if isinstance(row[1], float)}
-    moved = query.join(attribute, attribute.trial_id == marked.trial_id).where(attribute.key.in_(MOTION_KEYS))
-    return experiments, values, set(connection.scalars(moved.with_only_columns(marked.trial_id)))
+    marked, value, moved = TRIAL_ATTRIBUTES, TRIAL_VALUES, TRIAL_ATTRIBUTES.alias()
+    trials, where = marked.join(TRIALS), (TRIALS.c.study_id == study_id, marked.c.key == EXPERIMENT)
+    texts = sa.select(marked.c.trial_id, marked.c.value_json).select_from(trials)
+    numbers = sa.select(marked.c.trial_id, value.c.value).select_from(trials.join(value))
+    motions = sa.select(marked.c.trial_id).select_from(trials.join(moved)).where(moved.c.key.in_(MOTION_KEYS))
+    experiments = {row[0]: str(row[1]).strip('"') for row in connection.execute(texts.where(*where))}
+    values = {row[0]: row[1] for row in connection.execute(numbers.where(*where)) if isinstance(row[1], float)}
+    return experiments, values, set(connection.scalars(motions.where(*where)))
 
 
 def _own_trials(connection: sa.Connection, trials: Own, heads: Sequence[Any], names: Sequence[str]) -> list[Trial]:
     """The trials with these `heads`: id, Optuna's number, state, begin and end."""
     states = [head[2] for head in heads]
-    key, value = TrialParamModel.param_name, TrialParamModel.param_value
+    key, value = TRIAL_PARAMS.c.param_name, TRIAL_PARAMS.c.param_value
     factors = read_table(connection, trials, key, value, names, float)
     outcomes = read_outcomes(connection, trials, states, _joint_count(connection, trials.study_id))
     motions = read_motions(connection, trials)
@@ -116,7 +115,7 @@ def _joint_count(connection: sa.Connection, study_id: int) -> int:
 
 def _attribute(connection: sa.Connection, study_id: int, key: str) -> str:
     """The JSON of a study's attribute.  Raises LookupError where it has none."""
-    attribute = StudyUserAttributeModel
+    attribute = STUDY_ATTRIBUTES.c
     where = attribute.study_id == study_id, attribute.key == key
     text = connection.scalar(sa.select(attribute.value_json).where(*where))
     if text is None:

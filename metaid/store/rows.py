@@ -21,11 +21,11 @@ from metaid.store.optuna_tables import (
     FINITE_INTERMEDIATE_VALUE,
     FINITE_VALUE,
     NO_INTERMEDIATE_VALUE,
-    TrialIntermediateValueModel,
-    TrialModel,
-    TrialParamModel,
-    TrialUserAttributeModel,
-    TrialValueModel,
+    TRIAL_ATTRIBUTES,
+    TRIAL_INTERMEDIATE_VALUES,
+    TRIAL_PARAMS,
+    TRIAL_VALUES,
+    TRIALS,
 )
 from metaid.store.ownership import MARK, End, mark_of
 from metaid.store.trial import Trial
@@ -35,9 +35,9 @@ MOTION_KEYS = tuple(MOTIONS)  # those that an estimate is made of
 
 # Made once: making a statement takes longer than running it.
 IDS_AFTER = (
-    sa.select(TrialModel.trial_id)
-    .where(TrialModel.study_id == sa.bindparam("study_id"), TrialModel.trial_id > sa.bindparam("last_id"))
-    .order_by(TrialModel.number)
+    sa.select(TRIALS.c.trial_id)
+    .where(TRIALS.c.study_id == sa.bindparam("study_id"), TRIALS.c.trial_id > sa.bindparam("last_id"))
+    .order_by(TRIALS.c.number)
 )
 
 
@@ -72,12 +72,12 @@ def read_table(
         ValueError: a value is not of that kind.
         TypeError: a value is not of that kind.
     """
-    where = TrialModel.study_id == trials.study_id, key.in_(keys)
-    query = sa.select(value).join(TrialModel).where(*where).order_by(TrialModel.trial_id, key)
+    where = TRIALS.c.study_id == trials.study_id, key.in_(keys)
+    query = sa.select(value).select_from(value.table.join(TRIALS)).where(*where).order_by(TRIALS.c.trial_id, key)
     if trials.alone:
         order = list(connection.scalars(query.with_only_columns(key).limit(len(keys))))
     else:
-        query = query.with_only_columns(value, key, TrialModel.trial_id)
+        query = query.with_only_columns(value, key, TRIALS.c.trial_id)
     # The driver's own rows: SQLAlchemy's would cost three times the reading.
     cursor = connection.connection.cursor()
     cursor.execute(str(query.compile(connection.engine, compile_kwargs={"literal_binds": True})))
@@ -107,7 +107,7 @@ def read_outcomes(
         ValueError: a value is not a number.
         TypeError: a value is not a number.
     """
-    value, attribute = TrialValueModel, TrialUserAttributeModel
+    value, attribute = TRIAL_VALUES.c, TRIAL_ATTRIBUTES.c
     keys = ["generation", "steps", *(f"periods_{joint + 1}" for joint in range(joint_count))]
     counts = read_table(connection, trials, attribute.key, attribute.value_json, keys, int)
     values = read_table(connection, trials, value.objective, value.value, [0], float)
@@ -137,11 +137,10 @@ def read_motions(connection: sa.Connection, trials: Own) -> dict[int, dict[str, 
 
 def _read_attributes(connection: sa.Connection, trials: Own, key: str) -> list[tuple[int, str]]:
     """Those of the `trials` that have an attribute of this `key`, by position, and its JSON."""
-    trial, attribute = TrialModel, TrialUserAttributeModel
     query = (
-        sa.select(trial.trial_id, attribute.value_json)
-        .join(attribute, attribute.trial_id == trial.trial_id)
-        .where(trial.study_id == trials.study_id, attribute.key == key)
+        sa.select(TRIAL_ATTRIBUTES.c.trial_id, TRIAL_ATTRIBUTES.c.value_json)
+        .join(TRIALS)
+        .where(TRIALS.c.study_id == trials.study_id, TRIAL_ATTRIBUTES.c.key == key)
     )
     positions = trials.positions
     return [(positions[one], str(text)) for one, text in connection.execute(query) if one in positions]
@@ -163,8 +162,8 @@ def head_rows(end: End, trials: Sequence[Trial]) -> list[dict[str, Any]]:
 
 def detail_rows(
     ids: Sequence[int], trials: Sequence[Trial], names: Sequence[str], distributions: Sequence[str], digest: str
-) -> dict[Any, list[dict[str, Any]]]:
-    """Rows by model class.
+) -> dict[sa.Table, list[dict[str, Any]]]:
+    """Rows by table.
 
     A fall has no value and, at the step that it survived to, NaN as intermediate value: its frequency is not known, and
     what Optuna's tools draw of the others is not to be drowned by what it is ranked by.
@@ -176,18 +175,18 @@ def detail_rows(
         distributions: of the factors, as Optuna's JSON (nsearched).
         digest: of the study.
     """
-    rows: dict[Any, list[dict[str, Any]]] = {
-        TrialParamModel: [
+    rows: dict[sa.Table, list[dict[str, Any]]] = {
+        TRIAL_PARAMS: [
             {"trial_id": i, "param_name": name, "param_value": value, "distribution_json": distribution}
             for i, trial in zip(ids, trials, strict=True)
             for name, value, distribution in zip(names, trial.factors.tolist(), distributions, strict=True)
         ],
-        TrialValueModel: [
+        TRIAL_VALUES: [
             {"trial_id": i, "objective": 0, "value": trial.outcome.value, "value_type": FINITE_VALUE}
             for i, trial in zip(ids, trials, strict=True)
             if not trial.outcome.fell
         ],
-        TrialIntermediateValueModel: [
+        TRIAL_INTERMEDIATE_VALUES: [
             {
                 "trial_id": i,
                 "step": trial.outcome.steps,
@@ -197,13 +196,13 @@ def detail_rows(
             for i, trial in zip(ids, trials, strict=True)
             if trial.state != TrialState.FAIL
         ],
-        TrialUserAttributeModel: [
+        TRIAL_ATTRIBUTES: [
             {"trial_id": i, "key": key, "value_json": text}
             for i, trial in zip(ids, trials, strict=True)
             for key, text in {MARK: mark_of(digest, trial.number), **_attributes(trial)}.items()
         ],
     }
-    return {model: of_model for model, of_model in rows.items() if of_model}
+    return {table: of_table for table, of_table in rows.items() if of_table}
 
 
 def _attributes(trial: Trial) -> dict[str, str]:

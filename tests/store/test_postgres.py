@@ -179,7 +179,7 @@ def test_server_that_is_restarted_in_the_middle_of_a_write_gets_it_again(
             server.stop()
             server.start()
 
-    sa.event.listen(store.optuna.engine, "before_cursor_execute", lose)
+    sa.event.listen(store._engine, "before_cursor_execute", lose)
     run_study(store, "study")
     assert lost
     assert [record.getMessage() for record in caplog.records] == []
@@ -190,7 +190,7 @@ def test_commit_whose_answer_was_lost_is_not_done_twice(
     server: Postgres, store: Store, alone: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The server goes away after it committed a generation and before it said so."""
-    dialect = store.optuna.engine.dialect
+    dialect = store._engine.dialect
     commit, lost = dialect.do_commit, []
 
     def lose(connection: Any) -> None:
