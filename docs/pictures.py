@@ -135,9 +135,8 @@ def figures(into: Path) -> Made:
         metaid("study", "run", study, "--quiet")
         store = Store("metaid.db")
         gallery = Gallery(read_findings(store, study))
-        for picture in gallery.pictures():
-            if picture.name in FIGURES[study]:
-                yield drawn(picture.figure, into / f"{picture.name}.png")
+        for name in FIGURES[study]:
+            yield drawn(gallery.picture(name).figure, into / f"{name}.png")
         if study == "from-afar":
             yield drawn(plant_figure(gallery.found.problem.open_plant()), into / "plant.png")
         store.close()

@@ -12,7 +12,7 @@ from conftest import Finished
 from pages import ids_are_single, repeat, seen_everywhere
 from places import ROOT
 
-from metaid.show.figures import LOG_FIGURES
+from metaid.cli.recorded.drawing import FIGURES
 
 pytestmark = pytest.mark.slow
 
@@ -32,7 +32,7 @@ def test_browser_shows_what_logs_say_and_fetches_nothing(metaid: Metaid, browser
     summary, page = json.loads(told.out), Path("log.html").resolve()
     assert Path("a-friction.svg").read_text(encoding="utf-8").count("joint 2") == 1
     assert ids_are_single(page)
-    for text in seen_everywhere(browser, page, figures=len(LOG_FIGURES)):
+    for text in seen_everywhere(browser, page, figures=len(FIGURES)):
         for row in summary["parameters"]:
             assert row["name"] in text
             assert f"{row['value']:.5g}" in text

@@ -36,8 +36,8 @@ def draw(result: RecordedResult, outputs: Sequence[Path]) -> None:
     gallery = LogGallery(result)
     for output in outputs:
         name = figure_of(output)
-        if name not in gallery.names:
-            raise RecordError(f"{output}: gravity loads no joint (allowed: {', '.join(gallery.names)})")
+        if name not in gallery.makers:
+            raise RecordError(f"{output}: gravity loads no joint (allowed: {', '.join(gallery.makers)})")
         with whole_file(output, FIGURE_SUFFIXES) as partial:
             save(gallery.picture(name).figure, partial)
         say(f"{output}: written", err=True)

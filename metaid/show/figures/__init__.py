@@ -11,7 +11,7 @@ from metaid.show.figures.episodes import draw_episode, draw_push, plot_angles, p
 from metaid.show.figures.estimate import plot_covariance, plot_difference, plot_growth, plot_motion, plot_residuals
 from metaid.show.figures.gallery import Gallery, Picture
 from metaid.show.figures.landscape import plot_boundary, plot_parallel, plot_sweep
-from metaid.show.figures.log_gallery import LOG_FIGURES, LogGallery
+from metaid.show.figures.log_gallery import LogGallery
 from metaid.show.figures.logs import (
     plot_bodies,
     plot_friction,
@@ -43,7 +43,6 @@ __all__ = [
     "COLUMN",
     "FALL",
     "INK",
-    "LOG_FIGURES",
     "PAGE",
     "RANGE",
     "SURVIVOR",

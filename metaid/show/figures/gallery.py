@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -44,7 +45,26 @@ class Picture:
     figure: Figure
 
 
-class Gallery:
+class Pictures(ABC):
+    """The figures that there are of what was found."""
+
+    @property
+    @abstractmethod
+    def makers(self) -> dict[str, Callable[[float], Picture]]:
+        """What makes each of them at a width in inches, by its name."""
+
+    def pictures(self, width: str = "page") -> Iterator[Picture]:
+        """One after another, for a `width` of "page" or "column"."""
+        for name in self.makers:
+            yield self.picture(name, width)
+
+    def picture(self, name: str, width: str = "page") -> Picture:
+        """The one of that `name`, for a `width` of "page" or "column"."""
+        with style():
+            return self.makers[name](WIDTHS[width])
+
+
+class Gallery(Pictures):
     """All figures of a study; `over` are the two lumps of the fall boundary (default: gravity of the first two links).
 
     Raises StorageError where there is nothing to draw yet, no such lump, or no fall boundary.
@@ -57,7 +77,7 @@ class Gallery:
             _ = self.centre  # refuses a study that has nothing to draw
         if over is not None and not found.problem.draws_episodes:
             raise StorageError(
-                f"study '{found.name}' has no fall boundary to draw (its figures: {', '.join(self._makers)})"
+                f"study '{found.name}' has no fall boundary to draw (its figures: {', '.join(self.makers)})"
             )
         self.over = over or (found.names[0], found.names[min(1, len(found.names) - 1)])
         self._pair = found.index(self.over[0]), found.index(self.over[1])
@@ -74,15 +94,8 @@ class Gallery:
         """What evaluates candidates."""
         return self.found.objective()
 
-    def pictures(self, width: str = "page") -> Iterator[Picture]:
-        """One after another, for a `width` of "page" or "column"."""
-        for make in self._makers.values():
-            with style():
-                picture = make(WIDTHS[width])
-            yield picture
-
     @cached_property
-    def _makers(self) -> dict[str, Callable[[float], Picture]]:
+    def makers(self) -> dict[str, Callable[[float], Picture]]:
         """What makes each figure that there is, by its name. A rig is not moved for a picture: those that need more
         episodes are left out.
         """

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable
 
 from matplotlib.figure import Figure
 
 from metaid.recorded import RecordedResult, gravity_curves
-from metaid.show.figures.gallery import LEAST_HEIGHT, WIDTHS, Picture
+from metaid.show.figures.gallery import LEAST_HEIGHT, Picture, Pictures
 from metaid.show.figures.logs import (
     plot_bodies,
     plot_friction,
@@ -16,15 +16,14 @@ from metaid.show.figures.logs import (
     plot_torque_residuals,
 )
 from metaid.show.figures.panels import panels, share_legend
-from metaid.show.figures.style import style, verbatim
+from metaid.show.figures.style import verbatim
 
-LOG_FIGURES = ("torque", "friction", "gravity", "bodies")
 MOST = 12  # joints in a figure
 LINE = 0.17  # inches, of a parameter
 
 
-class LogGallery:
-    """All figures of what logs say."""
+class LogGallery(Pictures):
+    """All figures of what logs say; of gravity there is none where it loads no joint."""
 
     def __init__(self, found: RecordedResult) -> None:
         self.found = found
@@ -32,20 +31,9 @@ class LogGallery:
         self._loaded = {curve.joint for curve in gravity_curves(found.estimate)} & set(self.joints)
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """Of those that there are: gravity may load no joint."""
-        return tuple(name for name in LOG_FIGURES if name != "gravity" or self._loaded)
-
-    def pictures(self, width: str = "page") -> Iterator[Picture]:
-        """One after another, for a `width` of "page" or "column"."""
-        for name in self.names:
-            yield self.picture(name, width)
-
-    def picture(self, name: str, width: str = "page") -> Picture:
-        """One of `names`, for a `width` of "page" or "column"."""
+    def makers(self) -> dict[str, Callable[[float], Picture]]:
         makers = {"torque": self._torque, "friction": self._friction, "gravity": self._gravity, "bodies": self._bodies}
-        with style():
-            return makers[name](WIDTHS[width])
+        return {name: make for name, make in makers.items() if name != "gravity" or self._loaded}
 
     def _torque(self, width: float) -> Picture:
         count = len(self.joints)
