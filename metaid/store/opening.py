@@ -78,8 +78,8 @@ def _tables(url: sa.URL, create: bool) -> Iterator[tuple[bool, bool]]:
             is_known = make_file(path, _new_tables())
         yield made or not is_there, is_known
     elif url.get_backend_name() == "postgresql":
-        with checked_tables(url, create) as made:
-            yield made, False
+        with checked_tables(url, create) as found:
+            yield found
     else:
         yield False, False
 

@@ -14,6 +14,7 @@ import sqlalchemy as sa
 from sqlalchemy.exc import SQLAlchemyError
 
 from metaid.errors import StorageError, how_to_install
+from metaid.store.optuna_tables import REVISION, SCHEMA_VERSION
 from metaid.store.sqlite import TABLES
 
 PATIENT = {"connect_timeout": 10, "keepalives_idle": 30, "keepalives_interval": 10, "keepalives_count": 3}  # s
@@ -63,8 +64,9 @@ def server_options(url: sa.URL) -> dict[str, Any]:
 
 
 @contextmanager
-def checked_tables(url: sa.URL, create: bool) -> Iterator[bool]:
-    """Whether a PostgreSQL database holds a study DB; if not, and `create` allows one, nobody else makes one meanwhile.
+def checked_tables(url: sa.URL, create: bool) -> Iterator[tuple[bool, bool]]:
+    """Whether a PostgreSQL database holds a study DB, and whether its tables are of the revision that Optuna has; if
+    there is none, and `create` allows one, nobody else makes one meanwhile.
 
     Raises StorageError, and has written nothing, where there is none to be read.
     """
@@ -79,9 +81,18 @@ def checked_tables(url: sa.URL, create: bool) -> Iterator[bool]:
                     f"no study DB at {without_password(url.render_as_string(hide_password=False))}: make a study with "
                     "'metaid study create', or name another with --storage"
                 )
-            yield made
+            yield made, made and _is_current(connection)
     finally:
         engine.dispose()
+
+
+def _is_current(connection: sa.Connection) -> bool:
+    """Whether the tables are of the revision that Optuna has: where not, it is for Optuna to say why."""
+    said = [
+        connection.exec_driver_sql(f"SELECT {column} FROM {table}").scalars().all()
+        for table, column in (("version_info", "schema_version"), ("alembic_version", "version_num"))
+    ]
+    return said == [[SCHEMA_VERSION], [REVISION]]
 
 
 def end_when_silent(connection: Any, _record: Any) -> None:
