@@ -15,7 +15,6 @@ import pytest
 from selenium import webdriver
 from selenium.webdriver.chrome.service import Service
 
-from metaid.show import make_dashboard
 from metaid.store import Store
 
 FLAGS = (
@@ -139,6 +138,8 @@ def open_browser(profile: Path) -> Iterator[Browser]:
 @contextmanager
 def served(store: Store) -> Iterator[str]:
     """The dashboard's address while it is served."""
+    from metaid.show import make_dashboard  # takes a second to load
+
     with make_dashboard(store, 0) as server:
         thread = threading.Thread(target=server.serve_forever)
         thread.start()
