@@ -46,7 +46,7 @@ from metaid.cli.live import Live  # noqa: E402
 from metaid.plant import load_plant  # noqa: E402
 from metaid.results import read_findings  # noqa: E402
 from metaid.show import make_dashboard  # noqa: E402
-from metaid.show.figures import COLOURS, INK, Gallery, plant_figure, save, style  # noqa: E402
+from metaid.show.figures import COLOURS, INK, Gallery, laid_out, plant_figure, save, style  # noqa: E402
 from metaid.show.notes import note  # noqa: E402
 from metaid.store import Store  # noqa: E402
 from metaid.study import Progress, run_study  # noqa: E402
@@ -205,7 +205,7 @@ def drawn(figure: Figure, path: Path) -> tuple[str, str]:
     save(figure, path)
     shrink(path)
     buffer = io.StringIO()
-    with style():
+    with style(), laid_out(figure, "svg"):
         figure.savefig(buffer, format="svg")
     return path.name, said_by(buffer.getvalue())
 

@@ -34,6 +34,12 @@ def record() -> dict[str, Any]:
     return stored
 
 
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One folder, as docs/pictures.py has it: a study that several parts show is run by the first of them."""
+    return tmp_path_factory.mktemp("pictures")
+
+
 @pytest.fixture
 def names(pictures: dict[str, Any], metaid: Callable[..., Finished], monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     """The names that its functions look up. Commands print the same in this process, where they need no start."""
@@ -76,10 +82,17 @@ def test_picture_that_looks_otherwise_is_stale(pictures: dict[str, Any]) -> None
 @pytest.mark.usefixtures("names")
 @pytest.mark.parametrize("part", FAST)
 def test_pictures_say_and_look_what_their_commands_make_now(
-    part: str, pictures: dict[str, Any], record: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    part: str,
+    pictures: dict[str, Any],
+    record: dict[str, Any],
+    tmp_path: Path,
+    place: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Texts to rounding; pixels to a stated distance. Make them anew with `python docs/pictures.py PART`."""
     estimate_once(monkeypatch)
+    if part != "terminal":  # which shows how studies are made
+        monkeypatch.chdir(place)
     (tmp_path / "made").mkdir()
     made = dict(pictures["PARTS"][part](tmp_path / "made"))
     why = {name: pictures["stale"](name, said, tmp_path / "made" / name, record) for name, said in made.items()}
@@ -102,11 +115,13 @@ def test_pictures_of_pages_say_what_the_pages_say_now(
     pictures: dict[str, Any],
     record: dict[str, Any],
     tmp_path: Path,
+    place: Path,
     monkeypatch: pytest.MonkeyPatch,
     names: dict[str, Any],
     browser: Browser,
 ) -> None:
     """The beginning of a report, and the note on the dashboard."""
+    monkeypatch.chdir(place)
     monkeypatch.setitem(names, "open_browser", lambda profile: nullcontext(browser))  # one runs already
     # What a page looks like is not compared here: nobody waits until all of the dashboard is drawn.
     monkeypatch.setitem(names, "time", SimpleNamespace(sleep=lambda seconds: time.sleep(min(seconds, 1.0))))
