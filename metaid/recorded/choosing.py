@@ -141,7 +141,7 @@ def likely_delay(present: Equations) -> tuple[float, bool]:
     basis = np.linalg.qr(whitened / np.maximum(np.sqrt((whitened**2).sum(axis=0)), 1e-300))[0]
 
     def left(delay: float) -> float:
-        sent = [part.windows.torques(part.record, delay) for part in present.parts]
+        sent = [part.torques(delay) for part in present.parts]
         target = (np.concatenate([each.reshape(-1, njoint) for each in sent]) @ root.T).ravel()
         return float(target @ target - ((basis.T @ target) ** 2).sum())
 

@@ -29,7 +29,7 @@ from metaid.recorded.weak_form.equations import Equations, Solution, equations_o
 from metaid.recorded.weak_form.linear_model import LinearModel
 from metaid.recorded.weak_form.normal import ZERO, beside_zeros
 from metaid.recorded.weak_form.possible import Possible, PossibleModel
-from metaid.recorded.weak_form.smoothed import Smoothed, smoothed
+from metaid.recorded.weak_form.smoothed import Smoothed, smoothed, smoothed_together
 
 FEW_STARTS = 10  # of simulations a fold, of an arm in space
 MANY_STARTS = 60  # of a pendulum
@@ -128,7 +128,7 @@ def estimate_records(
         RecordError: the logs have too little of it.
     """
     choices = choices or Choices()
-    logs: tuple[Smoothed, ...] = tuple(smoothed(record) for record in records)
+    logs = smoothed_together(records, model)
     still = [own.record.name for own in logs if not own.judged.any()]
     if still:
         raise RecordError(f"{still[0]}: too short, or no joint moves (allowed: some seconds of motion)")

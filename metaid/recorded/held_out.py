@@ -24,14 +24,16 @@ ZERO_STEPS = 3  # of Newton's, for the zeros of a log that was held out
 
 @dataclass(frozen=True)
 class Part:
-    """What was predicted of one log of a `fold` that has `nlog` of them, in its `rows`: sums of `squares` of what was
-    missed and of the `whole` (njoint each), by these unknowns (nparam) and zeros (njoint).
+    """What was predicted of one log of a `fold` that has `nlog` of them, in its `rows`, so many of each joint (njoint):
+    sums of `squares` of what was missed and of the `whole` (njoint each), by these unknowns (nparam) and zeros
+    (njoint).
     """
 
     fold: int
     log: int
     nlog: int
     rows: NDArray[np.bool_]
+    counts: NDArray[np.intp]
     squares: Array
     whole: Array
     values: Array
@@ -68,8 +70,8 @@ class HeldOut:
 
     def _usual(self, squares: Sequence[Array]) -> Array:
         """The root of the mean over all rows, from the sum of `squares` of each part (njoint each)."""
-        count = sum(int(part.rows.sum()) for part in self.parts)
-        return np.sqrt(sum(squares, np.zeros(len(self.joints))) / max(count, 1))
+        count = sum((part.counts for part in self.parts), np.zeros(len(self.joints), dtype=np.intp))
+        return np.sqrt(sum(squares, np.zeros(len(self.joints))) / np.maximum(count, 1))
 
     @cached_property
     def folds(self) -> Array:
@@ -253,10 +255,10 @@ class Yardstick:
                     zeros = self.zeros_of(model, solution.values, log, delay)
                 rows = self.rows_of(fold, log, equations.zeros or model.is_pendulum or self.of_halves)
                 sent = own.acting(delay)
-                left = (sent - own.predicted(model, solution.values, zeros))[rows]
-                squares = model.trusted_alone((left**2).sum(axis=0))
-                whole = own.whole(model, solution.values[: model.nbody], sent)[rows].sum(axis=0)
-                parts.append(Part(number, log, len(fold.logs), rows, squares, whole, solution.values, zeros))
+                left = sent - own.predicted(model, solution.values, zeros)
+                squares = own.squares(model, solution.values[: model.nbody], sent, left, rows)
+                counts = rows.sum() * ~own.held
+                parts.append(Part(number, log, len(fold.logs), rows, counts, *squares, solution.values, zeros))
         return tuple(parts)
 
 

@@ -164,6 +164,8 @@ def _held(found: RecordedEstimate) -> Iterator[str]:
     if names:
         are = "is held, and its torque counts" if len(names) == 1 else "are held, and their torques count"
         yield f"{', '.join(names)} {are} little: stiction bears what a motor does not show"
+    if any(own.held.any() for own in found.logs):
+        yield "torques of joints that are held in a log and move in another count little there, and are not judged"
 
 
 def _without_motor(found: RecordedEstimate) -> Iterator[str]:

@@ -213,10 +213,8 @@ class RecordedResult:
             if predicted.torques is None:
                 return FileError(str(path), None, (), 0, predicted.why_not)
             sent = own.acting(found.delay)
-            left = (sent - own.filtered(predicted.torques))[own.judged]
-            squares = squares + model.trusted_alone((left**2).sum(axis=0))
-            whole = whole + own.whole(model, bodies, sent)[own.judged].sum(axis=0)
-            rows += len(left)
+            missed = own.squares(model, bodies, sent, sent - own.filtered(predicted.torques), own.judged)
+            squares, whole, rows = squares + missed[0], whole + missed[1], rows + int(own.judged.sum())
         relative = float(np.sqrt(squares.sum() / max(whole.sum(), 1e-300)))
         by_joint = np.sqrt(squares / np.maximum(whole, 1e-300))
         return FileError(str(path), relative, tuple(by_joint.tolist()), rows)

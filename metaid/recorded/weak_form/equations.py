@@ -36,6 +36,7 @@ CHUNK = 2_000_000  # numbers at nodes that are made at a time
 PASSIVE, LEAST_PASSIVE = 0.1, 1e-3  # of the terms that cancel in a joint without a motor: its error, and the least
 UNTRUSTED = 1e12  # times the largest torque, squared: the variance of one that is not trusted
 RARELY, FEW = 0.035, 12  # s between two readings, from which on the windows of a log have so many
+HELD = 0.1  # of its weight, that an equation has of a joint that is held
 SHIFT = 1e-5  # rad or m, for derivatives by a zero
 
 
@@ -62,7 +63,17 @@ class Part:
         averaged, rigid = self._averaged(model, bodies, zeros)
         windows = self.windows
         friction = model.friction_columns(windows.speeds, windows.accelerations, self.sliding(model), rigid)
-        return np.concatenate([averaged, windows.averaged(friction)], axis=-1)
+        rows: Array = self._share[:, None] * np.concatenate([averaged, windows.averaged(friction)], axis=-1)
+        return rows
+
+    def torques(self, delay: float) -> Array:
+        """The averaged torques (nwindow x ntest x njoint), in N m or N, `delay` in s later than they are logged."""
+        return self.windows.torques(self.record, delay) * self._share
+
+    @property
+    def _share(self) -> Array:
+        """By what equations of a joint (njoint) are multiplied: of one that is held here alone they count little."""
+        return np.where(self.smoothed.held, HELD, 1.0)
 
     def _averaged(self, model: LinearModel, bodies: Array, zeros: Array) -> tuple[Array, Array]:
         """The averaged torque for a unit of each of the bodies' unknowns (nwindow x ntest x njoint x nbody), kept for
@@ -145,7 +156,7 @@ class Equations:
     @cached_property
     def torques(self) -> list[Array]:
         """The averaged torques (nwindow x ntest x njoint) of each log."""
-        return [part.windows.torques(part.record, self.delay) for part in self.parts]
+        return [part.torques(self.delay) for part in self.parts]
 
     @property
     def nwindow(self) -> int:

@@ -7,6 +7,7 @@ torques that were sent and those that a model needs pass one at a cut-off.  Eq. 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 
@@ -42,6 +43,7 @@ class Smoothed:
         sent: the torques as they were logged, averaged over a period (nrow x njoint), in N m or N.
         judged: which rows count (nrow): the robot moves, and no gap is near.
         cutoff: of the torques' filter, in Hz.
+        held: which joints (njoint) are held here and move in another log: stiction bears what their motors do not show.
     """
 
     record: Record
@@ -52,6 +54,7 @@ class Smoothed:
     sent: Array
     judged: NDArray[np.bool_]
     cutoff: float
+    held: NDArray[np.bool_]
     _kept: dict[object, Array] = field(init=False, default_factory=dict, repr=False, compare=False)
 
     @property
@@ -118,9 +121,15 @@ class Smoothed:
             return model.rigid(bodies, self.coordinates + zeros[..., None, :], self.speeds, self.accelerations)
         return np.asarray(self._columns(model) @ bodies)
 
-    def whole(self, model: LinearModel, bodies: Array, torques: Array) -> Array:
-        """What errors of `torques` that acted are shares of, squared (nrow x njoint), by bodies (nbody)."""
-        return model.whole(torques, bodies, lambda: self._columns(model))
+    def squares(
+        self, model: LinearModel, bodies: Array, torques: Array, left: Array, rows: NDArray[np.bool_]
+    ) -> tuple[Array, Array]:
+        """Sums of squares in some `rows` (nrow) of what is `left` of `torques` that acted (nrow x njoint each), and of
+        what these errors are shares of, by bodies (nbody); 0 of joints that are held here alone (njoint each).
+        """
+        whole = model.whole(torques, bodies, lambda: self._columns(model))[rows].sum(axis=0)
+        missed = model.trusted_alone((left[rows] ** 2).sum(axis=0))
+        return np.where(self.held, 0.0, missed), np.where(self.held, 0.0, whole)
 
     def _columns(self, model: LinearModel) -> Array:
         """The torque for a unit of each unknown of the bodies (nrow x njoint x nbody), without zeros."""
@@ -201,7 +210,15 @@ def smoothed(record: Record) -> Smoothed:
         sent,
         _judged(record, times, speeds),
         CUTOFFS[0],
+        np.zeros(record.njoint, dtype=np.bool_),
     )
+
+
+def smoothed_together(records: Sequence[Record], model: LinearModel) -> tuple[Smoothed, ...]:
+    """Logs of one robot on their grids, each with the joints that are held in it alone."""
+    logs = [smoothed(record) for record in records]
+    held = np.array([model.held(np.ptp(own.coordinates, axis=0)) for own in logs])
+    return tuple(replace(own, held=each & ~held.all(axis=0)) for own, each in zip(logs, held, strict=True))
 
 
 def _judged(record: Record, times: Array, speeds: Array) -> NDArray[np.bool_]:
