@@ -44,9 +44,8 @@ class ChainModel:
     def mass_matrix(self, angles: Array) -> Array:
         """Eq. 4 in joint coordinates; it needs the inertia lumps."""
         absolute = mass_matrix(self.lumps, self.lumps.of("inertia"), np.cumsum(angles, axis=-1))
-        links = np.tril(np.ones(absolute.shape[-2:]))  # absolute angles are sums of joint angles
-        joints: Array = links.T @ absolute @ links
-        return joints
+        carried = _running_sum(_running_sum(absolute[..., ::-1, ::-1]), axis=-2)
+        return carried[..., ::-1, ::-1]  # absolute angles are sums of joint angles
 
     def inverse_dynamics(self, angles: Array, speeds: Array, accelerations: Array) -> Array:
         """The joint torque (... x njoint) that gives the joints these accelerations (... x njoint), in N m."""

@@ -67,7 +67,9 @@ def test_what_is_left_out_is_not_fitted(tmp_path: Path) -> None:
     other = log.copy()
     other.loc[other["time"].between(7.0, 8.0), ["torque_shoulder", "torque_elbow"]] = 50.0
     one, two = (
-        metaid.estimate(each, nominal, friction=["viscous"], leave_out={"frame 1": [(6.9, 8.1)]})
+        metaid.estimate(
+            each, nominal, friction=["viscous"], delay=0.0, zeros=False, leave_out={"frame 1": [(6.9, 8.1)]}
+        )
         for each in (log, other)
     )
     assert two.verdict.lumps["identified"].tolist() == pytest.approx(one.verdict.lumps["identified"].tolist(), rel=1e-3)

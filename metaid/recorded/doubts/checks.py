@@ -161,9 +161,10 @@ def _both(every: Sequence[Suspected], usual: Array, below: float) -> Fact | None
         frozenset((one.option, other.option)): (one, other)
         for one in first
         for other in suspected(one.check)
-        if what_of(one.option) != what_of(other.option) and other.check.is_solved
+        if what_of(one.option) != what_of(other.option)
     }
-    best = sorted(pairs.values(), key=lambda pair: together(pair[1].check.free, usual))[:TRIED]
+    solved = [pair for pair in pairs.values() if pair[1].check.is_solved]
+    best = sorted(solved, key=lambda pair: together(pair[1].check.free, usual))[:TRIED]
     scaled = [(pair, pair[1].check.with_scale()) for pair in best]
     tried = [
         _fact(pair, together(check.left(), usual)) for pair, check in scaled if together(check.free, usual) < below
