@@ -55,8 +55,8 @@ def torque_columns(
     axes = origins = np.zeros((3, 0, *lead))  # of the joints up to the link's own, in its frame
     for i, link in enumerate(_moving(tree, coordinates, speeds, accelerations)):
         axis = np.broadcast_to(tree.axis[i].reshape(3, 1, *[1] * len(lead)), (3, 1, *lead))
-        axes = np.concatenate([link.turn.inwards(axes), axis], axis=1)
-        origins = link.turn.inwards(origins - link.place[:, None])
+        axes = np.concatenate([_inwards(link.axes, axes), axis], axis=1)
+        origins = _inwards(link.axes, origins - link.place[:, None])
         origins = np.concatenate([origins, np.zeros((3, 1, *lead))], axis=1)
         # A hinge turns the link, and moves its origin on a circle; a slide moves it.
         slides = tree.slides[: i + 1].reshape(i + 1, *[1] * len(lead))
@@ -92,40 +92,18 @@ def body_torque(tree: Tree, parameters: Array, coordinates: Array, speeds: Array
         force = force + own[0] * link.rate + turning  # Eq. 50
         moment = moment + _product(own[4:BODY], link.spin_rate) + _cross(link.spin, spun) + _cross(first, link.rate)
         torque[..., i] = np.tensordot(tree.axis[i], force if tree.slides[i] else moment, 1)  # Eq. 51
-        force, moment = link.turn.outwards(force), link.turn.outwards(moment)
+        force, moment = _outwards(link.axes, force), _outwards(link.axes, moment)
         moment = moment + _cross(link.place, force)
     return torque
 
 
-class _Turn(NamedTuple):
-    """How the frame of a link is turned against that of the link before: about its joint's axis by an angle with this
-    `cosine` and `sine` (...), from where it is at zero. `parts` are what both are factors of (3 x 3 x 3).
-    """
-
-    parts: Array
-    cosine: Array
-    sine: Array
-
-    def inwards(self, vectors: Array) -> Array:
-        """Vectors (3 x ...) of the frame of the link before, in that of the link."""
-        return self._turned(self.parts.swapaxes(1, 2), vectors)
-
-    def outwards(self, vectors: Array) -> Array:
-        """Vectors (3 x ...) of the frame of the link, in that of the link before."""
-        return self._turned(self.parts, vectors)
-
-    def _turned(self, parts: Array, vectors: Array) -> Array:
-        still, along, across = (parts.reshape(9, 3) @ vectors.reshape(3, -1)).reshape(3, *vectors.shape)
-        return np.asarray(still + self.cosine * along + self.sine * across, dtype=np.float64)
-
-
 class _Link(NamedTuple):
     """How a link moves, in its own frame: `spin` in rad/s, its rate in rad/s², and the `rate` in m/s² at which the
-    speed of its origin changes, less gravity (3 x ... each). In the frame of the link before: how it is turned, and the
-    `place` of its origin in m (3 x ...).
+    speed of its origin changes, less gravity (3 x ... each). In the frame of the link before: its `axes` (3 x 3 x ...),
+    and the `place` of its origin in m (3 x ...).
     """
 
-    turn: _Turn
+    axes: Array
     place: Array
     spin: Array
     spin_rate: Array
@@ -139,16 +117,16 @@ def _moving(tree: Tree, coordinates: Array, speeds: Array, accelerations: Array)
     rate = np.broadcast_to(-tree.gravity.reshape(3, *[1] * len(lead)), spin.shape)
     for i in range(tree.njoint):
         axis = tree.axis[i].reshape(3, *[1] * len(lead))
-        turn, place = _placed(tree, i, coordinates[..., i])
+        axes, place = _placed(tree, i, coordinates[..., i])
         rate = rate + _cross(spin_rate, place) + _cross(spin, _cross(spin, place))  # Eq. 49
-        spin, spin_rate, rate = turn.inwards(np.stack([spin, spin_rate, rate], axis=1)).swapaxes(0, 1)
+        spin, spin_rate, rate = _inwards(axes, np.stack([spin, spin_rate, rate], axis=1)).swapaxes(0, 1)
         turning, faster = speeds[..., i] * axis, accelerations[..., i] * axis
         if tree.slides[i]:
             rate = rate + faster + 2.0 * _cross(spin, turning)
         else:
             spin_rate = spin_rate + faster + _cross(spin, turning)
             spin = spin + turning
-        yield _Link(turn, place, spin, spin_rate, rate)
+        yield _Link(axes, place, spin, spin_rate, rate)
 
 
 def joint_torque(tree: Tree, coordinates: Array, speeds: Array, accelerations: Array) -> Array:
@@ -172,17 +150,30 @@ def kinetic_squares(tree: Tree, coordinates: Array, speeds: Array) -> Array:
     return np.asarray((speeds * (bodies + tree.rotor * speeds)).sum(axis=-1), dtype=np.float64)
 
 
-def _placed(tree: Tree, joint: int, coordinate: Array) -> tuple[_Turn, Array]:
-    """How a link's frame is turned, and its origin (3 x ...) in the frame of the link before, at a `coordinate`
-    (...).
-    """
+def _placed(tree: Tree, joint: int, coordinate: Array) -> tuple[Array, Array]:
+    """A link's axes (3 x 3 x ...) and its origin (3 x ...) in the frame of the link before, at a `coordinate` (...)."""
     axis, rotation = tree.axis[joint], tree.rotation[joint]
-    along, across = np.outer(axis, axis), np.einsum("ijk,j->ik", _SKEW, axis)
-    parts = rotation @ np.stack([along, np.eye(3) - along, across])
     place = tree.position[joint].reshape(3, *[1] * coordinate.ndim)
     if tree.slides[joint]:
-        return _Turn(parts, np.ones(()), np.zeros(())), place + np.multiply.outer(rotation @ axis, coordinate)
-    return _Turn(parts, np.cos(coordinate), np.sin(coordinate)), place
+        axes = rotation.reshape(3, 3, *[1] * coordinate.ndim)
+        return axes, place + np.multiply.outer(rotation @ axis, coordinate)
+    along, across = np.outer(axis, axis), np.einsum("ijk,j->ik", _SKEW, axis)
+    parts = rotation @ np.stack([along, np.eye(3) - along, across])
+    factors = np.stack([np.ones_like(coordinate), np.cos(coordinate), np.sin(coordinate)])
+    return np.tensordot(parts, factors, (0, 0)), place
+
+
+def _inwards(axes: Array, vectors: Array) -> Array:
+    """Vectors (3 x ..., or 3 x count x ...) of the frame of the link before, in that of a link with these axes (3 x 3 x
+    ...).
+    """
+    return _outwards(axes.swapaxes(0, 1), vectors)
+
+
+def _outwards(axes: Array, vectors: Array) -> Array:
+    """The other way."""
+    terms = "ij...,jk...->ik..." if vectors.ndim == axes.ndim else "ij...,j...->i..."
+    return np.asarray(np.einsum(terms, axes, vectors), dtype=np.float64)
 
 
 def _of_body(link: _Link) -> Array:
@@ -220,5 +211,7 @@ def _cross(a: Array, b: Array) -> Array:
     """a x b (3 x ...): a component of all vectors stands together, and takes a fraction of numpy's time."""
     (a1, a2, a3), (b1, b2, b3) = a, b
     product = np.empty(np.broadcast(a, b).shape)
-    product[0], product[1], product[2] = a2 * b3 - a3 * b2, a3 * b1 - a1 * b3, a1 * b2 - a2 * b1
+    np.subtract(a2 * b3, a3 * b2, out=product[0, ...])
+    np.subtract(a3 * b1, a1 * b3, out=product[1, ...])
+    np.subtract(a1 * b2, a2 * b1, out=product[2, ...])
     return product
