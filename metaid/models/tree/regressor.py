@@ -160,7 +160,8 @@ def _placed(tree: Tree, joint: int, coordinate: Array) -> tuple[Array, Array]:
     along, across = np.outer(axis, axis), np.einsum("ijk,j->ik", _SKEW, axis)
     parts = rotation @ np.stack([along, np.eye(3) - along, across])
     factors = np.stack([np.ones_like(coordinate), np.cos(coordinate), np.sin(coordinate)])
-    return np.tensordot(parts, factors, (0, 0)), place
+    axes = parts.reshape(3, 9).T @ factors.reshape(3, -1)
+    return axes.reshape(3, 3, *coordinate.shape), place
 
 
 def _inwards(axes: Array, vectors: Array) -> Array:
