@@ -8,7 +8,7 @@ hangs or leans.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -31,12 +31,13 @@ QUARTERS = (0.5 * np.pi, -0.5 * np.pi, np.pi)
 @dataclass(frozen=True)
 class Check:
     """Windows of the logs that a fact is tried on: their `equations`, the speed of each joint that it hardly exceeds
-    (njoint), and how the logs measured the robot.
+    (njoint), and how the logs measured the robot. The arm where gravity points elsewhere is kept by its option.
     """
 
     equations: Equations
     fastest: Array
     measured: Absolute
+    leaning: dict[str, LinearModel] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def is_solved(self) -> bool:
@@ -232,9 +233,11 @@ def suspected(check: Check) -> Iterator[Suspected]:
             direction = size * axis
             if np.allclose(direction, tree.gravity):
                 continue
-            other = arm_model(replace(tree, gravity=direction), model.friction, model.sliding.coupled)
-            other = replace(other.with_still(model.sliding.still), untrusted=model.untrusted)
             option = "--gravity " + ",".join(f"{each + 0.0:g}" for each in direction)
+            if option not in check.leaning:
+                check.leaning[option] = arm_model(replace(tree, gravity=direction), model.friction)
+            other = check.leaning[option].with_coupled(model.sliding.coupled).with_still(model.sliding.still)
+            other = replace(other, untrusted=model.untrusted)
             text = "gravity points elsewhere in the frame of the base"
             yield Suspected(text, option, check.with_model(other))
 
