@@ -107,17 +107,17 @@ def simulated(model: LinearModel, begun: Sequence[Begun], delay: float) -> list[
         across = np.where(np.abs(after - before) > SLIGHT, after - before, SLIGHT)
         return np.maximum((friction(before + across, rigid) - present) / across, 0.0)
 
-    def rate(angles: Array, speeds: Array, torques: Array, growing: Array) -> Array:
+    def rate(angles: Array, speeds: Array, torques: Array, growth: Array) -> Array:
         """Accelerations at a state.
 
         Args:
             angles: of the joints (nstart x njoint), in rad.
             speeds: of the joints (nstart x njoint), in rad/s.
             torques: that friction leaves of those that are sent (nstart x njoint), in N m.
-            growing: how friction grows with speed (nstart x njoint), in N m s.
+            growth: how friction grows with speed (nstart x njoint), in N m s.
         """
         matrices, bias = dynamics(angles, speeds)
-        stiff = matrices + spun + step * growing[:, :, None] * np.eye(n)
+        stiff = matrices + spun + step * growth[:, :, None] * np.eye(n)
         is_lost = ~(np.isfinite(stiff).all(axis=(1, 2)) & (np.abs(speeds).max(axis=1) < RUNAWAY))
         stiff = np.where(is_lost[:, None, None], np.eye(n), stiff)
         return np.asarray(np.linalg.solve(stiff, (torques - bias)[..., None])[..., 0], dtype=np.float64)

@@ -14,7 +14,7 @@ from metaid.models.tree.bodies import (
     possible_bodies,
     pseudo_inertia,
 )
-from metaid.models.tree.dynamics import Dynamics, body_dynamics, joint_mass_matrix
+from metaid.models.tree.dynamics import Dynamics, arm_dynamics, joint_mass_matrix
 from metaid.models.tree.joint_friction import COLUMNS, SHARED, JointFriction, Sliding, friction_torque
 from metaid.models.tree.known_bodies import KnownBodies, body_quantities, known_bodies
 from metaid.models.tree.misplaced import MISPLACED, last_link_turned, misplaced

@@ -15,22 +15,26 @@ from numpy.typing import NDArray
 
 from metaid.models.lumps import Array
 from metaid.models.tree.bodies import pseudo_inertia
+from metaid.models.tree.regressor import BODY
 from metaid.models.tree.tree import Tree
 
 Dynamics = Callable[[Array, Array], tuple[Array, Array]]
 
 
-def body_dynamics(tree: Tree, parameters: Array) -> Dynamics:
-    """What makes of coordinates and speeds (nstate x njoint each) the mass matrix (nstate x njoint x njoint), and the
-    torque (nstate x njoint) where no joint accelerates, of bodies by themselves, without rotors and friction.  Eq. 52.
+def arm_dynamics(tree: Tree, parameters: Array) -> Dynamics:
+    """What makes of coordinates and speeds (nstate x njoint each) the mass matrix (nstate x njoint x njoint), in kg m²
+    (kg m and kg where joints are slides), rotors included, and the torque (nstate x njoint) where no joint accelerates,
+    in N m or N, without friction.  Eq. 52.
 
     Args:
         tree: where the joints are.
-        parameters: of the bodies (njoint x 13, or nstate x njoint x 13), which need not be those of bodies that can be.
+        parameters: of joints and links (njoint x 13, or nstate x njoint x 13), which need not be those of bodies that
+            can be.
     """
     n = tree.njoint
     own = np.moveaxis(pseudo_inertia(parameters).reshape(-1, n, 4, 4), 0, -1).copy()
     parts, slides, gravity = _parts(tree), tree.slides[:, None], tree.gravity[:, None]
+    rotors = parameters[..., BODY, None] * np.eye(n)
     before, behind = np.tril(np.ones((n, n))), np.triu(np.ones((n, n)))  # each joint's own among them
 
     def dynamics(coordinates: Array, speeds: Array) -> tuple[Array, Array]:
@@ -44,16 +48,16 @@ def body_dynamics(tree: Tree, parameters: Array) -> Dynamics:
         bias = (rates * np.tensordot(behind, _product(faster, inertia), 1)).sum(axis=(1, 2)).T
         carried = _product(rates, np.tensordot(behind, inertia, 1))
         upper = np.triu(np.einsum("nijs,mijs->snm", rates, carried))
-        return upper + np.triu(upper, 1).swapaxes(1, 2), bias
+        return upper + np.triu(upper, 1).swapaxes(1, 2) + rotors, bias
 
     return dynamics
 
 
 def joint_mass_matrix(tree: Tree, coordinates: Array) -> Array:
-    """The mass matrix (... x njoint x njoint), in kg m² (kg m and kg where joints are slides), rotors included."""
+    """The mass matrix (... x njoint x njoint) of an arm at `coordinates` (... x njoint)."""
     states = coordinates.reshape(-1, tree.njoint)
-    bodies, _ = body_dynamics(tree, tree.parameters)(states, np.zeros_like(states))
-    return bodies.reshape(*coordinates.shape, tree.njoint) + np.diag(tree.rotor)
+    matrices, _ = arm_dynamics(tree, tree.parameters)(states, np.zeros_like(states))
+    return matrices.reshape(*coordinates.shape, tree.njoint)
 
 
 def _parts(tree: Tree) -> Array:

@@ -25,7 +25,7 @@ from metaid.models.tree import (
     PriorDeviations,
     Sliding,
     Tree,
-    body_dynamics,
+    arm_dynamics,
     body_torque,
     friction_torque,
     is_pendulum,
@@ -336,15 +336,7 @@ def arm_model(
         return every.reshape(*values.shape[:-1], tree.njoint, len(PARAMETERS))
 
     def dynamics(values: Array) -> Dynamics:
-        parameters = of_links(values)
-        spun = parameters[..., ROTOR, None] * np.eye(tree.njoint)
-        of_bodies = body_dynamics(tree, parameters)
-
-        def of_robot(coordinates: Array, speeds: Array) -> tuple[Array, Array]:
-            matrices, bias = of_bodies(coordinates, speeds)
-            return matrices + spun, bias
-
-        return of_robot
+        return arm_dynamics(tree, of_links(values))
 
     def _rigid(values: Array, coordinates: Array, speeds: Array, accelerations: Array) -> Array:
         parameters = of_links(values)
