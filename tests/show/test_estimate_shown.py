@@ -129,11 +129,11 @@ def gallery(estimated: Path) -> figures.Gallery:
 @pytest.mark.parametrize("width", ["page", "column"])
 def test_figures_of_a_noisy_study_lie_within_their_width(gallery: figures.Gallery, width: str) -> None:
     """Nothing of the motion, the residuals, the correlation and the shrinking intervals is cut off."""
-    shown = [picture.figure for picture in gallery.pictures(width) if picture.name.startswith("estimate-")]
+    shown = [gallery.picture(name, width).figure for name in gallery.makers if name.startswith("estimate-")]
     assert len(shown) == 4
     for figure in shown:
-        figure.draw_without_rendering()
-        box = figure.get_tightbbox()
+        with figures.style(), figures.laid_out(figure, "svg"):
+            box = figure.get_tightbbox()
         assert box.x0 > -0.05
         assert box.x1 < figure.get_figwidth() + 0.05
 

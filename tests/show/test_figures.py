@@ -212,8 +212,8 @@ def test_every_figure_is_as_wide_as_a_page_or_a_column(gallery: figures.Gallery,
         seen.add(picture.name)
         assert picture.figure.get_figwidth() <= inches
         assert picture.caption.endswith(".")
-        picture.figure.draw_without_rendering()
-        box = picture.figure.get_tightbbox()
+        with figures.style(), figures.laid_out(picture.figure, "svg"):
+            box = picture.figure.get_tightbbox()
         assert box.x0 > -0.05
         assert box.x1 < picture.figure.get_figwidth() + 0.05
     assert seen == FILES
