@@ -7,34 +7,37 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from conftest import Finished
+from forked import Command
 
 from metaid.store import Store
 
 pytestmark = pytest.mark.slow
 
-METAID = [sys.executable, "-c", "from metaid.cli import main; main()"]
 LONGEST = 10_000_000  # steps: what an episode may have; of ten links they take 20 s
 FAR_LESS = 8.0  # s
-BEGUN = 4.0  # s of processor time
+BEGUN = 1.5  # s of processor time
 
 
-def ended(process: subprocess.Popen[str], number: int) -> str:
-    """What a command that gets a signal says last on stderr; it ends at once, with the status of that signal."""
-    process.send_signal(number)
-    _, said = process.communicate(timeout=FAR_LESS)
-    assert process.returncode == 128 + number, said
-    assert "Traceback" not in said
-    return said.strip()
-
-
-def at_work(process: subprocess.Popen[str]) -> None:
-    """Waits until a command has computed for far longer than it takes to begin."""
+def started(folder: Path, *arguments: str) -> Command:
+    """A command in a folder, once it has computed for far longer than it takes to begin."""
+    process = Command(folder, *arguments, first=f"import os; os.chdir({str(folder)!r})")
     while _cpu_seconds(process.pid) < BEGUN:
         time.sleep(0.1)
-        assert process.poll() is None, process.communicate()
+        assert process.poll() is None, process.err
+    return process
+
+
+def ended(process: Command, number: signal.Signals) -> str:
+    """What a command that gets a signal says last on stderr; it ends at once, with the status of that signal."""
+    process.send(number)
+    assert process.wait(FAR_LESS) == 128 + number, process.err
+    assert "Traceback" not in process.err
+    return process.err.strip()
 
 
 def _cpu_seconds(pid: int) -> float:
@@ -44,23 +47,17 @@ def _cpu_seconds(pid: int) -> float:
 
 def test_long_episode_ends_at_once(tmp_path: Path) -> None:
     """Nothing is printed but what click says of a command that was left."""
-    command = [*METAID, "episode", "ten-link", "--steps", str(LONGEST)]
-    with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        at_work(process)
-        assert ended(process, signal.SIGINT) == ""
+    assert ended(started(tmp_path, "episode", "ten-link", "--steps", str(LONGEST)), signal.SIGINT) == ""
 
 
-def test_run_of_long_episodes_ends_at_once_and_loses_nothing(tmp_path: Path) -> None:
+def test_run_of_long_episodes_ends_at_once_and_loses_nothing(metaid: Callable[..., Finished], tmp_path: Path) -> None:
     """Trials of before are in the DB, whoever runs it next finds it free, and a line says how to go on."""
     asked = {"trials": 100, "sampler": "random", "search.generation": 2, "episode.pushes": [[0.01, 0.0, 0.0]]}
     changes = [f"--set={key}={value}" for key, value in {**asked, "episode.steps": LONGEST}.items()]
-    subprocess.run([*METAID, "study", "create", "three-link-coast", *changes], cwd=tmp_path, check=True)
-    # Quiet: on a busy machine a line of progress is due before the signal comes.
-    command = [*METAID, "study", "run", "three-link-coast", "--quiet"]
+    assert metaid("study", "create", "three-link-coast", *changes).status == 0
     for number in (signal.SIGINT, signal.SIGTERM):
-        with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as process:
-            at_work(process)
-            said = ended(process, number)
+        # Quiet: on a busy machine a line of progress is due before the signal comes.
+        said = ended(started(tmp_path, "study", "run", "three-link-coast", "--quiet"), number)
         trials = Store(str(tmp_path / "metaid.db")).count("three-link-coast")
         go_on = "go on with: metaid study run three-link-coast"
         assert said == f"stopped; {trials} trials are in metaid.db; {go_on}"
