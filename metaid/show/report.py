@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -40,9 +41,14 @@ WIDEST = 0.02  # of a lump's value: a wider range is reported
 
 def render(found: Findings, watch: Watch = lambda what: None) -> str:
     """The page. `watch` is told which figure is drawn next.  Raises StorageError where there is nothing to show yet."""
-    gallery, problem, spec = Gallery(found), found.problem, found.spec
+    gallery = Gallery(found)
+    return page(found, gallery, page_figures(gallery.pictures("page"), gallery.pictures("column"), watch))
+
+
+def page(found: Findings, gallery: Gallery, drawn: Sequence[PageFigure]) -> str:
+    """The page with those figures of the `gallery` that are `drawn`."""
+    problem, spec = found.problem, found.spec
     bodies = shown_rows(found.summary | body_rows(found.snapshot, found.verdict), "bodies")
-    drawn = page_figures(gallery.pictures("page"), gallery.pictures("column"), watch)
     return filled_in(
         "report.html",
         found=found,

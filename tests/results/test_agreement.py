@@ -18,7 +18,7 @@ from metaid.models import Array
 from metaid.results import Findings, read_findings, validate_law
 from metaid.show import companions, dashboard
 from metaid.show.figures import Gallery, plot_boundary
-from metaid.show.report import render
+from metaid.show.report import page
 from metaid.store import Store, Trial
 from metaid.store.reading import StoredTrials
 from metaid.study import Problem, create_study, load_study
@@ -81,7 +81,7 @@ def test_everything_shows_the_last_of_equal_trials(equal: tuple[Store, Problem])
     assert found.closest["number"].tolist()[:2] == [3, 1]
     for lump in found.summary["lumps"]:
         assert f"| {lump['identified']:.5g} |" in dashboard.note(found)
-    text = re.sub("<[^>]*>", " ", render(found))
+    text = re.sub("<[^>]*>", " ", page(found, Gallery(found), []))
     assert f"{found.summary['lumps'][0]['identified']:.5g}" in text
 
 

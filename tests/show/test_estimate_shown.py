@@ -14,8 +14,7 @@ from matplotlib.figure import Figure
 
 import metaid as package
 from metaid import figures
-from metaid.show import dashboard
-from metaid.show.report import render
+from metaid.show import dashboard, report
 
 pytestmark = pytest.mark.slow
 
@@ -24,10 +23,11 @@ UNEXPLAINED = "the model does not explain what was seen"
 
 @functools.cache
 def words(name: str, estimated: Path) -> str:
-    """What the report says beside its figures and files."""
+    """What the report says beside its figures, which are not drawn, and its files."""
     found = package.load_findings(name, str(estimated))
-    page = re.sub(r"<style.*?</style>|<svg.*?</svg>|<pre.*?</pre>", "", render(found), flags=re.DOTALL)
-    return " ".join(re.sub("<[^>]+>", " ", page).split())
+    shown = report.page(found, figures.Gallery(found), [])
+    text = re.sub(r"<style.*?</style>|<svg.*?</svg>|<pre.*?</pre>", "", shown, flags=re.DOTALL)
+    return " ".join(re.sub("<[^>]+>", " ", text).split())
 
 
 def note(name: str, estimated: Path) -> str:
