@@ -54,6 +54,7 @@ SPOILED = ValueError, TypeError, LookupError, ArithmeticError  # what reading a 
 
 _ATTRIBUTES = {True: STUDY_ATTRIBUTES, False: STUDY_SYSTEM_ATTRIBUTES}  # by who sees them
 _STUDY = sa.select(STUDIES.c.study_id).where(STUDIES.c.study_name == sa.bindparam("study"))
+_OWN_STUDY = _STUDY.join(STUDY_ATTRIBUTES).where(STUDY_ATTRIBUTES.c.key == SPEC_KEY)
 
 
 def storage_url(storage: str) -> str:
@@ -164,7 +165,7 @@ class Store:
         transaction.  Raises StorageError if there is one.
         """
         with self._errors(), self._engine.begin() as connection:
-            if connection.scalar(sa.select(STUDIES.c.study_id).where(STUDIES.c.study_name == name)) is not None:
+            if connection.scalar(_STUDY, {"study": name}) is not None:
                 raise StorageError(
                     f"{self.url} has a study '{name}' already (choose another with --name, or delete it)"
                 )
@@ -340,7 +341,7 @@ class Store:
 
     def _study_id(self, name: str) -> int:
         with self._errors(), self._engine.connect() as connection:
-            study_id = connection.scalar(sa.select(STUDIES.c.study_id).where(STUDIES.c.study_name == name))
-        if study_id is None or name not in self.names():
+            study_id = connection.scalar(_OWN_STUDY, {"study": name})
+        if study_id is None:
             raise StorageError(f"{self.url}: {unknown('study', name, self.names())}")
         return int(study_id)
