@@ -141,7 +141,7 @@ def served(store: Store) -> Iterator[str]:
     from metaid.show import make_dashboard  # takes a second to load
 
     with make_dashboard(store, 0) as server:
-        thread = threading.Thread(target=server.serve_forever)
+        thread = threading.Thread(target=server.serve_forever, args=(0.02,))  # s until it sees that it is over
         thread.start()
         try:
             yield f"http://{server.server_address[0]}:{server.server_port}"

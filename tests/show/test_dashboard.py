@@ -6,6 +6,7 @@ import shutil
 import socket
 import urllib.request
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -142,28 +143,28 @@ MALFORMED = (
 )
 
 
-@pytest.fixture
-def short(tmp_path: Path) -> Iterator[Store]:
-    """A study of a few trials."""
-    opened = Store(str(tmp_path / "short.db"), create=True)
-    create_study(opened, load_study("one-link-count", {"trials": 9}))
-    run_study(opened, "one-link-count")
-    yield opened
-    opened.close()
+@pytest.fixture(scope="module")
+def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """Where the dashboard of a study of a few trials is served."""
+    path = tmp_path_factory.mktemp("short") / "short.db"
+    with closing(Store(str(path), create=True)) as opened:
+        create_study(opened, load_study("one-link-count", {"trials": 9}))
+        run_study(opened, "one-link-count")
+        with served(opened) as shown:
+            yield shown
 
 
 @pytest.mark.parametrize("request_text", MALFORMED)
 def test_malformed_request_is_answered_and_costs_a_line_at_most(
-    short: Store, capfd: pytest.CaptureFixture[str], request_text: str
+    address: str, capfd: pytest.CaptureFixture[str], request_text: str
 ) -> None:
     """Never a traceback on the terminal of whoever serves it, and the next request is answered."""
-    with served(short) as address:
-        host = address.removeprefix("http://")
-        name, _, port = host.partition(":")
-        with socket.create_connection((name, int(port))) as browser:
-            browser.sendall(request_text.format(host=host).encode())
-            assert browser.recv(1000)
-        assert urllib.request.urlopen(f"{address}/dashboard").status == 200
+    host = address.removeprefix("http://")
+    name, _, port = host.partition(":")
+    with socket.create_connection((name, int(port))) as browser:
+        browser.sendall(request_text.format(host=host).encode())
+        assert browser.recv(1000)
+    assert urllib.request.urlopen(f"{address}/dashboard").status == 200
     said = capfd.readouterr().err
     assert "Traceback" not in said
     assert said.count("\n") <= 1

@@ -7,7 +7,7 @@ import os
 import re
 import shutil
 import urllib.parse
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
 
@@ -100,6 +100,14 @@ def _look(browser: Browser, url: str, text: str) -> None:
     wait_for(browser, text)
 
 
+@pytest.fixture(scope="module")
+def address(made: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """Where the dashboard of a copy of it is served."""
+    copy = shutil.copy(made, tmp_path_factory.mktemp("served") / "evil.db")
+    with closing(Store(str(copy))) as store, served(store) as shown:
+        yield shown
+
+
 @pytest.mark.parametrize(
     ("headers", "status"),
     [
@@ -111,21 +119,18 @@ def _look(browser: Browser, url: str, text: str) -> None:
         ({"Host": "127.0.0.1"}, 403),
     ],
 )
-def test_dashboard_answers_no_page_from_elsewhere(evil: Path, headers: dict[str, str], status: int) -> None:
+def test_dashboard_answers_no_page_from_elsewhere(address: str, headers: dict[str, str], status: int) -> None:
     """A stranger's page in the same browser, or a name that a stranger pointed at this machine, is refused."""
-    store = Store(str(evil))
-    with served(store) as address:
-        port = urllib.parse.urlsplit(address).port
-        connection = http.client.HTTPConnection("127.0.0.1", port)
-        asked = {key: value.replace("PORT", str(port)) for key, value in headers.items()}
-        connection.request("GET", "/api/studies", headers=asked)
-        answer = connection.getresponse()
-        answer.read()
-        connection.close()
-        assert answer.status == status
-        if status == 200:
-            assert "script-src 'self';" in str(answer.getheader("Content-Security-Policy"))
-    store.close()
+    port = urllib.parse.urlsplit(address).port
+    connection = http.client.HTTPConnection("127.0.0.1", port)
+    asked = {key: value.replace("PORT", str(port)) for key, value in headers.items()}
+    connection.request("GET", "/api/studies", headers=asked)
+    answer = connection.getresponse()
+    answer.read()
+    connection.close()
+    assert answer.status == status
+    if status == 200:
+        assert "script-src 'self';" in str(answer.getheader("Content-Security-Policy"))
 
 
 def test_dashboard_listens_on_loopback_alone(evil: Path) -> None:
