@@ -12,8 +12,10 @@ from metaid.compiled.spatial.dynamics import (
     factorise,
     fill_mass_matrix,
     frames_of,
+    joint_torques,
     move_links,
     new_space,
+    place_link,
     solve,
 )
-from metaid.compiled.spatial.vectors import cross, dot, inward, plus, symmetric, triple
+from metaid.compiled.spatial.vectors import cross, dot, outward, plus, put, symmetric, triple

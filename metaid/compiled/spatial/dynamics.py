@@ -45,8 +45,9 @@ class Frames(NamedTuple):
 
 class Space(NamedTuple):
     """Working space: of each link its axes (njoint x 9) and its origin in the frame of the link before, its spin, the
-    rate of that, and the acceleration of its origin less gravity (njoint x 3 each); what it carries (njoint x 10); the
-    mass matrix, its lower triangle, and the factor of that (njoint x njoint).
+    rate of that, and the acceleration of its origin less gravity (njoint x 3 each); the force and the moment that it
+    takes to move it so (njoint x 3 each); what it carries (njoint x 10); the mass matrix, its lower triangle, and the
+    factor of that (njoint x njoint).
     """
 
     matrix: Array
@@ -54,6 +55,8 @@ class Space(NamedTuple):
     spin: Array
     spin_rate: Array
     rate: Array
+    force: Array
+    moment: Array
     carried: Array
     mass_matrix: Array
     factor: Array
@@ -76,31 +79,46 @@ def frames_of(tree: Tree) -> Frames:
 
 def new_space(njoint: int) -> Space:
     """Working space for an arm with so many joints."""
-    place, spin, spin_rate, rate = np.zeros((4, njoint, 3))
-    matrix, factor = np.zeros((2, njoint, njoint))
-    return Space(np.zeros((njoint, 9)), place, spin, spin_rate, rate, np.zeros((njoint, 10)), matrix, factor)
+    place, spin, spin_rate, rate, force, moment = np.zeros((6, njoint, 3))
+    of_links = np.zeros((njoint, 9)), place, spin, spin_rate, rate, force, moment, np.zeros((njoint, 10))
+    return Space(*of_links, *np.zeros((2, njoint, njoint)))
 
 
 @compiled
-def move_links(frames, qpos, qvel, qacc, space):  # type: ignore[no-untyped-def]
-    """Works out how every link turns and accelerates.  Eq. 49.
+def place_link(frames, i, coordinate, space):  # type: ignore[no-untyped-def]
+    """Places a link in the frame of the one before it.
 
     Args:
         frames: of the arm.
-        qpos: joint coordinates (njoint), in rad or m.
-        qvel: joint speeds (njoint), in rad/s or m/s.
-        qacc: joint accelerations (njoint), in rad/s² or m/s².
+        i: number of the link, from 0.
+        coordinate: of its joint, in rad or m.
         space: filled in.
     """
-    spin, spin_rate = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    rate = times(-1.0, triple(frames.gravity))
-    for i in range(qpos.shape[0]):
-        matrix, axis = space.matrix[i], triple(frames.axis[i])
-        cosine, sine = cosine_and_sine(qpos[i])
-        for j in range(9):
-            matrix[j] = frames.fixed[i, j] + cosine * frames.turned[i, j] + sine * frames.across[i, j]
-        place = plus(triple(frames.position[i]), times(qpos[i], triple(frames.slide[i])))
-        put(space.place[i], place)
+    matrix = space.matrix[i]
+    cosine, sine = cosine_and_sine(coordinate)
+    for j in range(9):
+        matrix[j] = frames.fixed[i, j] + cosine * frames.turned[i, j] + sine * frames.across[i, j]
+    put(space.place[i], plus(triple(frames.position[i]), times(coordinate, triple(frames.slide[i]))))
+
+
+@compiled
+def move_links(frames, parameters, first, qvel, qacc, space):  # type: ignore[no-untyped-def]
+    """Works out how links turn and accelerate where they are placed, and what that takes.  Eqs. 49 and 50.
+
+    Args:
+        frames: of the arm.
+        parameters: of the joints and links (njoint x 13).
+        first: the link to begin with; those before it are moved already.
+        qvel: joint speeds (njoint), in rad/s or m/s.
+        qacc: joint accelerations (njoint), in rad/s² or m/s².
+        space: with the links placed, filled in.
+    """
+    spin, spin_rate, rate = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), times(-1.0, triple(frames.gravity))
+    if first > 0:
+        before = first - 1
+        spin, spin_rate, rate = triple(space.spin[before]), triple(space.spin_rate[before]), triple(space.rate[before])
+    for i in range(first, qvel.shape[0]):
+        matrix, place, axis = space.matrix[i], triple(space.place[i]), triple(frames.axis[i])
         rate = plus(rate, plus(cross(spin_rate, place), cross(spin, cross(spin, place))))
         spin, spin_rate, rate = outward(matrix, spin), outward(matrix, spin_rate), outward(matrix, rate)
         if frames.is_slide[i] == 0.0:
@@ -111,28 +129,30 @@ def move_links(frames, qpos, qvel, qacc, space):  # type: ignore[no-untyped-def]
         put(space.spin[i], spin)
         put(space.spin_rate[i], spin_rate)
         put(space.rate[i], rate)
+        own = parameters[i]
+        mass, inertia = triple_from(own, 1), (triple_from(own, 4), triple_from(own, 7))
+        put(space.force[i], plus(times(own[0], rate), plus(cross(spin_rate, mass), cross(spin, cross(spin, mass)))))
+        turning = plus(symmetric(inertia, spin_rate), cross(spin, symmetric(inertia, spin)))
+        put(space.moment[i], plus(turning, cross(mass, rate)))
 
 
 @compiled
-def joint_torques(frames, parameters, space, torque):  # type: ignore[no-untyped-def]
-    """Works out what moves the links as they move, rotors and friction left out.  Eqs. 50 and 51.
+def joint_torques(frames, parameters, qacc, space, torque):  # type: ignore[no-untyped-def]
+    """Works out what moves the links as they move, and the rotors; friction is left out.  Eqs. 51 and 52.
 
     Args:
         frames: of the arm.
         parameters: of the joints and links (njoint x 13).
-        space: how the links move.
+        qacc: joint accelerations (njoint), in rad/s² or m/s².
+        space: with what it takes to move each link.
         torque: of the joints (njoint), filled in.
     """
     force, moment = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for i in range(torque.shape[0] - 1, -1, -1):
-        own = parameters[i]
-        first, inertia = triple_from(own, 1), (triple_from(own, 4), triple_from(own, 7))
-        spin, spin_rate, rate = triple(space.spin[i]), triple(space.spin_rate[i]), triple(space.rate[i])
-        force = plus(force, plus(times(own[0], rate), plus(cross(spin_rate, first), cross(spin, cross(spin, first)))))
-        moment = plus(moment, plus(symmetric(inertia, spin_rate), cross(spin, symmetric(inertia, spin))))
-        moment = plus(moment, cross(first, rate))
+        force, moment = plus(force, triple(space.force[i])), plus(moment, triple(space.moment[i]))
         axis = triple(frames.axis[i])
-        torque[i] = dot(axis, moment) if frames.is_slide[i] == 0.0 else dot(axis, force)
+        own = dot(axis, moment) if frames.is_slide[i] == 0.0 else dot(axis, force)
+        torque[i] = own + parameters[i, 10] * qacc[i]
         force, moment = inward(space.matrix[i], force), inward(space.matrix[i], moment)
         moment = plus(moment, cross(triple(space.place[i]), force))
 
@@ -150,10 +170,12 @@ def accelerating_torques(frames, parameters, qpos, qvel, qacc, space, torque):  
         space: filled in.
         torque: of the joints (njoint), filled in.
     """
-    move_links(frames, qpos, qvel, qacc, space)
-    joint_torques(frames, parameters, space, torque)
     for i in range(torque.shape[0]):
-        torque[i] += parameters[i, 10] * qacc[i] + parameters[i, 11] * qvel[i]
+        place_link(frames, i, qpos[i], space)
+    move_links(frames, parameters, 0, qvel, qacc, space)
+    joint_torques(frames, parameters, qacc, space, torque)
+    for i in range(torque.shape[0]):
+        torque[i] += parameters[i, 11] * qvel[i]
         torque[i] += parameters[i, 12] * min(max(qvel[i] * (1.0 / SLIDING), -1.0), 1.0)  # Eq. 12
 
 

@@ -69,11 +69,14 @@ class SpatialDerivatives(NamedTuple):
 
 
 class SpatialSpace(NamedTuple):
-    """What a spatial kernel works in: of the dynamics, and for n joints true coordinates, accelerations that the law
-    asks for, forces, what holds joints, zeros, and what is left of two balances of forces.
+    """What a spatial kernel works in: of the dynamics; how each link turns, and its origin moves, as each joint moves
+    alone (n x n x 3, by joint and link); and for n joints true coordinates, accelerations that the law asks for,
+    forces, what holds joints, zeros, and the torques of two states.
     """
 
     space: Space
+    turning: Array
+    moving: Array
     position: Array
     pull: Array
     force: Array
@@ -150,14 +153,15 @@ def spatial_derivatives(
 
 def spatial_space(njoint: int) -> tuple[NDArray[np.int64], SpatialSpace]:
     """What every joint is beside (njoint), nothing, and what the kernel works in."""
-    return np.full(njoint, -1), SpatialSpace(new_space(njoint), *np.zeros((7, njoint)))
+    carried = np.zeros((2, njoint, njoint, 3))
+    return np.full(njoint, -1), SpatialSpace(new_space(njoint), *carried, *np.zeros((7, njoint)))
 
 
 @compiled
 def accelerate(balance, work):  # type: ignore[no-untyped-def]
     """Fills in q̈ and the factor of M; whether M is positive definite."""
     own = work.own
-    place(balance, work)
+    _place(balance, work)
     # The torque that the law leaves, dry friction of the arm apart, is that of the difference.  Eq. 58
     accelerating_torques(balance.frames, balance.difference, own.position, work.speed, own.pull, own.space, own.force)
     for i in range(own.force.shape[0]):
@@ -171,7 +175,7 @@ def accelerate(balance, work):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def place(balance, work):  # type: ignore[no-untyped-def]
+def _place(balance, work):  # type: ignore[no-untyped-def]
     """Fills in true coordinates, and the accelerations that the law asks for."""
     for i in range(work.angle.shape[0]):
         work.own.position[i] = work.angle[i] - balance.straight[i]
