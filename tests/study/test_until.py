@@ -42,6 +42,14 @@ def spec() -> StudySpec:
     return chain_study(random_chain(1, 1), NOISE, trials=2, episode={"measure": "smoothed"})
 
 
+@pytest.fixture(scope="module")
+def store(spec: StudySpec, tmp_path_factory: pytest.TempPathFactory) -> Store:
+    """A DB with that study, run until all is WANTED, as `until`."""
+    store = Store(str(tmp_path_factory.mktemp("until") / "metaid.db"), create=True)
+    run_study(store, create_study(store, spec, "until"), until=WANTED)
+    return store
+
+
 def widest(store: Store, name: str) -> float:
     """Half the widest interval of those that hold all lumps of a study at once, as a share of its lump."""
     lumps = results.lumps_frame(store, name)
@@ -49,12 +57,10 @@ def widest(store: Store, name: str) -> float:
     return float(np.sinh(0.5 * at_once * np.log(lumps["high"] / lumps["low"])).max())
 
 
-def test_run_ends_once_all_lumps_are_known_as_well(spec: StudySpec, tmp_path: Path) -> None:
+def test_run_ends_once_all_lumps_are_known_as_well(spec: StudySpec, store: Store) -> None:
     """And not before; its trials are the first of those of a run until they are narrower still."""
-    store = Store(str(tmp_path / "metaid.db"), create=True)
-    for name in ("until", "longer"):
-        create_study(store, spec, name)
-    ended = run_study(store, "until", until=WANTED).trials
+    create_study(store, spec, "longer")
+    ended = store.count("until")
     assert ended > 2, "the study's own trials are not the limit"
     assert widest(store, "until") <= WANTED
     shown = results.summary(store, "until")
@@ -68,25 +74,20 @@ def test_run_ends_once_all_lumps_are_known_as_well(spec: StudySpec, tmp_path: Pa
     assert_frame_equal(*tables, check_exact=True)
 
 
-def test_stopped_run_goes_on_until_the_same(spec: StudySpec, tmp_path: Path) -> None:
+def test_stopped_run_goes_on_until_the_same(spec: StudySpec, store: Store) -> None:
     """However often it was stopped; one that is there already adds no trial."""
-    store = Store(str(tmp_path / "metaid.db"), create=True)
-    for name in ("whole", "stopped"):
-        create_study(store, spec, name)
-    whole = run_study(store, "whole", until=WANTED).trials
+    create_study(store, spec, "stopped")
+    whole = store.count("until")
     run_study(store, "stopped", trials=1, until=WANTED)
     assert run_study(store, "stopped", until=WANTED).trials == whole
     assert run_study(store, "stopped", until=WANTED).trials == whole
     assert run_study(store, "stopped", trials=1, until=2.0 * WANTED).trials == whole
 
 
-def test_pushes_and_time_that_it_takes_are_foreseen(spec: StudySpec, tmp_path: Path) -> None:
+def test_pushes_and_time_that_it_takes_are_foreseen(spec: StudySpec, store: Store) -> None:
     """By the nominal model; the plant takes at most half as many again."""
-    store = Store(str(tmp_path / "metaid.db"), create=True)
-    problem = Problem(spec)
+    problem, trials = Problem(spec), store.count("until")
     foreseen = forecast(problem, WANTED)
-    create_study(store, spec)
-    trials = run_study(store, spec.name, until=WANTED).trials
     assert foreseen.is_reached
     assert foreseen.half_width <= WANTED
     assert foreseen.trials / 3.0 <= trials <= 1.5 * foreseen.trials
