@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import ClassVar, TypeVar
 
 import numpy as np
@@ -115,9 +115,11 @@ class Readings:
     def residuals_alone(self, point: Array) -> Residuals | None:
         """Those on all windows where nothing is unknown but what a push alone has."""
 
-        def _compared(number: int, unknowns: Array, whitened: Array, windows: int) -> Compared | None:
-            log_factors, faults = self._parted(unknowns)
-            return self._alone(log_factors)._compare(number, faults, whitened, windows, by_faults=False)
+        log_factors, faults = self._parted(point[: len(self.spreads)])
+        alone = replace(self, unknowns=self.unknowns.alone(log_factors))
+
+        def _compared(number: int, _: Array, whitened: Array, windows: int) -> Compared | None:
+            return alone._compare(number, faults, whitened, windows, by_faults=False)
 
         return self._eliminated(point, self.stages, _compared)
 
@@ -188,9 +190,9 @@ class Readings:
         kept = np.unique(np.linspace(0, last, min(last, DRAWN) + 1).round().astype(int))
         basis = np.zeros((nreading, len(kept)))
         basis[kept, np.arange(len(kept))] = 1.0  # each coefficient is the angle at one reading
-        twin, steps = self.unknowns.alone(log_factors), np.minimum(trial.steps, last)
+        twin, steps = self._twin(log_factors).alone, np.minimum(trial.steps, last)
         alike, joints = replace(self._delivered(trial, faults), start_spread=None), self._joints(faults)
-        motion = twin_of(twin, np.empty(0)).drive(alike, starts, steps, np.tile(basis, (npush, 1, 1)), joints)
+        motion = twin.drive(alike, starts, steps, np.tile(basis, (npush, 1, 1)), joints)
         shown = (kept <= steps[:, None]) & (steps[:, None] > 0)
         seen = np.where(shown[..., None], trial.readings[:, kept], np.nan)
         simulated = np.full_like(seen, np.nan)
@@ -225,7 +227,7 @@ class Readings:
         if by_faults:
             further, columns = self._further(number, faults, trial.torques, torques)
         starts, joints = started(trial, whitened), self._joints(faults)
-        left = self._left(number, trial, starts, windows, log_factors, joints, further)
+        left = self._left(number, trial, starts, windows, self._twin(log_factors), joints, further)
         if left is None:
             return None
         npush, count = len(starts), len(log_factors)
@@ -258,20 +260,21 @@ class Readings:
         """
         unknowns, whitened = self._of_trial(number, point)
         log_factors, faults = self._parted(unknowns)
-        return self._alone(log_factors)._shown(number, faults, whitened, windows)
+        return self._shown(number, self._twin(log_factors).alone, faults, whitened, windows)
 
-    def _shown(self, number: int, faults: Array, whitened: Array, windows: int) -> Array | None:
+    def _shown(self, number: int, twin: Twin, faults: Array, whitened: Array, windows: int) -> Array | None:
         """What a robot of which nothing is unknown shows in a trial (npush x nvalue), or None: its twin cannot follow.
 
         Args:
             number: of the trial.
+            twin: of the robot.
             faults: the unknown ones (nfault).
             whitened: what each push has alone (npush x nextra).
             windows: of which the longest is watched.
         """
         trial = self._delivered(self.trials[number], faults)
         starts, bare = started(trial, whitened), replace(trial, start_spread=None)
-        left = self._left(number, bare, starts, windows, np.empty(0), self._joints(faults))
+        left = self._left(number, bare, starts, windows, twin, self._joints(faults))
         return None if left is None else left.values.reshape(len(starts), -1)
 
     def _left(
@@ -280,11 +283,11 @@ class Readings:
         trial: ReadTrial,
         starts: Array,
         windows: int,
-        log_factors: Array,
+        twin: Twin,
         joints: Joints | None,
         further: Further = NOTHING_FURTHER,
     ) -> Coefficients | None:
-        """What the twin shows less what was read, scaled by the noise, and its derivatives; where it is led by what was
+        """What a twin shows less what was read, scaled by the noise, and its derivatives; where it is led by what was
         read, its whitened innovations. None where it cannot follow.
 
         Args:
@@ -292,18 +295,18 @@ class Readings:
             trial: with the torques that acted.
             starts: joint coordinates and speeds (npush x 2 x njoint) right after each push.
             windows: of which the longest is watched.
-            log_factors: the unknowns (nlump).
+            twin: of the robot.
             joints: what they have beside the lumps; None for nothing.
             further: what is unknown beside them.
         """
         (chosen, steps), basis = self._longest(number, windows), self._windows[number].basis
         led = self._gains(number)
-        twin = self._twin(log_factors).drive(trial, starts, steps, basis[chosen], joints, further, led)
-        if twin is None or led is not None:
-            return twin
+        driven = twin.drive(trial, starts, steps, basis[chosen], joints, further, led)
+        if driven is None or led is not None:
+            return driven
         plants = np.einsum("ptk,ptj->pjk", basis[chosen], trial.readings * before(steps, trial.readings.shape[1]))
         unit = 1.0 / trial.noise[None, :, None]
-        return Coefficients(unit * (twin.values - plants), unit[..., None] * twin.slopes)
+        return Coefficients(unit * (driven.values - plants), unit[..., None] * driven.slopes)
 
     def _longest(self, number: int, windows: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Which of the first `windows` windows is the longest that was seen of each push of a trial (npush), -1 where
@@ -318,13 +321,13 @@ class Readings:
         return None
 
     def _twin(self, log_factors: Array) -> Twin:
-        """The robot with these `log_factors` (nunknown)."""
-        return twin_of(self.unknowns, log_factors) if len(log_factors) else self._only_twin
+        """The robot with these `log_factors` (nunknown); the same for all trials."""
+        return self._last_twin(log_factors.tobytes())
 
     @cached_property
-    def _only_twin(self) -> Twin:
-        """The robot of which nothing is unknown."""
-        return twin_of(self.unknowns, np.empty(0))
+    def _last_twin(self) -> Callable[[bytes], Twin]:
+        """The robot by its log factors (nunknown); what follows from these alone is worked out once."""
+        return lru_cache(maxsize=1)(lambda log_factors: twin_of(self.unknowns, np.frombuffer(log_factors).copy()))
 
     def _of_trial(self, number: int, point: Array) -> tuple[Array, Array]:
         """The unknowns (nunknown) at a `point`, and what each push of a trial has alone (npush x nextra)."""
@@ -347,10 +350,6 @@ class Readings:
         """What the joints have with these unknown `faults` (nfault); None where none is searched."""
         return self.faults.joints(faults) if self.faults.names else None
 
-    def _alone(self, log_factors: Array) -> Readings:
-        """The same with the robot of these `log_factors` (nunknown), of which nothing is unknown any more."""
-        return replace(self, unknowns=self.unknowns.alone(log_factors))
-
     def _compare_moved(
         self, number: int, unknowns: Array, whitened: Array, values: Array, moved: Sequence[Unknowns]
     ) -> Array | None:
@@ -359,7 +358,7 @@ class Readings:
         """
         faults, changes = self._parted(unknowns)[1], np.zeros((*values.shape, len(moved)))
         for column, robot in enumerate(moved):
-            shown = replace(self, unknowns=robot)._shown(number, faults, whitened, self.stages)
+            shown = self._shown(number, twin_of(robot, np.empty(0)), faults, whitened, self.stages)
             if shown is None:
                 return None
             changes[..., column] = shown - values
