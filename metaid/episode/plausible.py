@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.errors import ImplausiblePlant
-from metaid.models import Array, Chain
+from metaid.models import Array, Chain, mass_matrix
 
 UPRIGHT = 0.1  # rad from the upright in which a joint may be right after a push
 DEVIATIONS = 8.0  # of the noise, that no reading differs by
@@ -106,6 +106,8 @@ class PushCheck:
         self._earlier = earlier
         self._timestep = timestep
         self._lumps, self._inertia = calibration.nominal.lumps, calibration.nominal.inertia_lumps
+        self._weights = calibration.gravity * self._lumps.gravity
+        self._two_joints = np.eye(len(self._weights)) + np.eye(len(self._weights), k=1)  # of a link: its own, the next
         natural = np.sqrt(calibration.nominal.length.mean() / calibration.gravity)
         self._window = max(round(WINDOW * natural / timestep), CONSTANT)
         self._slope_steps = max(round(SLOPE / timestep), 3)
@@ -158,7 +160,7 @@ class PushCheck:
         self._check_still(angles, speeds, average)
         self._check_constant(angles, speeds)
         for difference in (np.abs(turned), bend)[: self._tick]:  # the first bend is from a speed, not from two readings
-            self._quantum = np.where(difference > FINEST, np.minimum(self._quantum, difference), self._quantum)
+            np.minimum(self._quantum, difference, out=self._quantum, where=difference > FINEST)
         self._fastest = max(self._fastest, float(np.abs(speeds).max()))
         self._angles, self._speeds, self._turned = angles, speeds, turned
         self._digest.update(angles.tobytes() + speeds.tobytes())
@@ -171,7 +173,7 @@ class PushCheck:
     def finish(self) -> None:
         """The push is over: no other push may have had the same readings to the last digit under other torques."""
         force = self._twice - np.append(self._twice[1:], 0.0)
-        matrix = self._lumps.coriolis + np.diag(self._inertia)  # Eq. 4, upright
+        matrix = mass_matrix(self._lumps, self._inertia, np.zeros(len(force)))
         turned = self._timestep**2 * np.linalg.solve(matrix, force)
         gap = np.abs(turned - self._earlier.setdefault(self._digest.digest(), turned))
         self._refuse(
@@ -184,14 +186,13 @@ class PushCheck:
 
     def _check_change(self, speeds: Array, torque: Array) -> None:
         """No speed changes faster than the largest forces can change it that the nominal model allows."""
-        turning = np.cumsum(self._speeds)
-        matrix = self._lumps.coriolis * np.cos(np.subtract.outer(*[np.cumsum(self._angles)] * 2))
-        matrix[np.diag_indices(len(turning))] = self._inertia
+        turning = self._speeds.cumsum()
+        matrix = mass_matrix(self._lumps, self._inertia, self._angles.cumsum())
         # Torques may come late, so the largest so far counts; on a link act that of its joint and of the next.
-        self._force = np.maximum(self._force, np.abs(torque) + np.append(np.abs(torque[1:]), 0.0))
-        force = self._force + self._calibration.gravity * self._lumps.gravity + self._lumps.coriolis @ turning**2
+        self._force = np.maximum(self._force, self._two_joints @ np.abs(torque))
+        force = self._force + self._weights + self._lumps.coriolis @ turning**2
         links = np.abs(np.linalg.inv(matrix)) @ force
-        most = self._timestep * LEAP * (links + np.append(0.0, links[:-1])) + 2.0 * self._speed_noise
+        most = self._timestep * LEAP * (links @ self._two_joints) + 2.0 * self._speed_noise
         most += 2.0 * self._quantum / self._timestep  # of a speed that is the difference of two readings
         change = np.abs(speeds - self._speeds)
         self._refuse(
@@ -268,7 +269,8 @@ class PushCheck:
 
     def _refuse(self, wrong: NDArray[np.bool_], seen: _Text, expected: _Text) -> None:
         """Raises ImplausiblePlant, about the first joint, where any joint is `wrong` (njoint)."""
-        for joint in np.flatnonzero(wrong)[:1]:
+        if wrong.any():
+            joint = int(wrong.argmax())
             raise ImplausiblePlant(
                 f"plant {self._plant}: push {self._push + 1}, tick {self._tick}: joint {joint + 1} {seen(joint)} "
                 f"(expected: {expected(joint)})"
