@@ -117,7 +117,7 @@ def test_default_lumps_leave_the_trials_as_they_were(tmp_path: Path) -> None:
     """Naming the two kinds, in any order, is not naming any, to the last bit."""
     store = Store(str(tmp_path / "metaid.db"), create=True)
     for name, changes in (("one", {}), ("other", {"search.lumps": ["coriolis", "gravity"]})):
-        create_study(store, load_study("three-link-coast", changes), name)
+        create_study(store, load_study("three-link-coast", {**changes, **TRIALS_ALONE}), name)
         run_study(store, name, trials=60)
     assert results.trials_frame(store, "one").equals(results.trials_frame(store, "other"))
 
@@ -173,7 +173,7 @@ def test_a_push_coasts_with_the_identified_friction_and_not_without(tmp_path: Pa
 def test_friction_that_is_not_searched_biases_the_other_lumps(tmp_path: Path) -> None:
     """The search finds the best that a frictionless law can do, which is not the truth."""
     store = Store(str(tmp_path / "metaid.db"), create=True)
-    changes = {"sampler": "cmaes", "trials": 600, "search.lumps": list(IDEAL)}
+    changes = {"sampler": "cmaes", "trials": 600, "search.lumps": list(IDEAL), **TRIALS_ALONE}
     spec = load_study("full-three-link", changes)
     create_study(store, spec, "without")
     run_study(store, "without")
