@@ -28,7 +28,9 @@ def open_engine(url: sa.URL, create: bool) -> sa.Engine:
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     with _tables(url, create) as (made, is_known):
         if is_known:  # what makes and upgrades tables takes a tenth of a second to load
-            return _prepared(sa.create_engine(url, **_options(url)))
+            engine = _prepared(sa.create_engine(url, **_options(url)))
+            engine.connect().close()  # or SQLite's own files, which a look at the tables leaves, would stay
+            return engine
         return _prepared(_storage(url, made, is_checked=False).engine)
 
 
