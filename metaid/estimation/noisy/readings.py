@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cache, cached_property, lru_cache
 from typing import ClassVar, TypeVar
 
 import numpy as np
@@ -301,12 +301,24 @@ class Readings:
         """
         (chosen, steps), basis = self._longest(number, windows), self._windows[number].basis
         led = self._gains(number)
-        driven = twin.drive(trial, starts, steps, basis[chosen], joints, further, led)
+        driven = twin.drive(trial, starts, steps, [basis[window] for window in chosen], joints, further, led)
         if driven is None or led is not None:
             return driven
-        plants = np.einsum("ptk,ptj->pjk", basis[chosen], trial.readings * before(steps, trial.readings.shape[1]))
         unit = 1.0 / trial.noise[None, :, None]
-        return Coefficients(unit * (driven.values - plants), unit[..., None] * driven.slopes)
+        return Coefficients(unit * (driven.values - self._read(number, windows)), unit[..., None] * driven.slopes)
+
+    @cached_property
+    def _read(self) -> Callable[[int, int], Array]:
+        """What was read of a trial, by its number, on the longest of so many windows of each push (npush x njoint x
+        ncoefficient); worked out once.
+        """
+
+        def coefficients(number: int, windows: int) -> Array:
+            (chosen, steps), readings = self._longest(number, windows), self.trials[number].readings
+            basis = self._windows[number].basis[chosen]
+            return np.asarray(np.einsum("ptk,ptj->pjk", basis, readings * before(steps, readings.shape[1])))
+
+        return cache(coefficients)
 
     def _longest(self, number: int, windows: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Which of the first `windows` windows is the longest that was seen of each push of a trial (npush), -1 where

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -112,7 +112,7 @@ class Twin(ABC):
         trial: ReadTrial,
         starts: Array,
         steps: NDArray[np.int64],
-        basis: Array,
+        basis: Sequence[Array] | Array,
         joints: Joints | None,
         further: Further = NOTHING_FURTHER,
         led: Gains | None = None,
@@ -124,14 +124,14 @@ class Twin(ABC):
             starts: joint coordinates and speeds (npush x 2 x njoint) right after each push, and with which share dry
                 friction begins (npush x 3 x njoint); by default with all of it, against the speed.
             steps: how many steps (npush) of each push to follow.
-            basis: the polynomials (npush x nstep + 1 x ncoefficient) that each push is seen in.
+            basis: the polynomials (nstep + 1 x ncoefficient) that each push is seen in.
             joints: what they have beside the parameters; None for nothing.
             further: what is unknown beside the robot.
             led: gains of a filter that sets it right by the readings. The coefficients are then those of the whitened
                 innovations.
         """
-        basis = np.ascontiguousarray(basis)
-        (npush, _, n), coefficients, nunknown = starts.shape, basis.shape[2], len(self.point)
+        basis = [np.ascontiguousarray(each) for each in basis]
+        (npush, _, n), coefficients, nunknown = starts.shape, basis[0].shape[1], len(self.point)
         extra = 0 if trial.start_spread is None else trial.start_spread.shape[-1]
         balance, by = self.driven(trial, joints, further)
         idle = n if extra and trial.is_continuous and not balance.dry.any() else 0  # shares of no friction
