@@ -57,9 +57,12 @@ def explained_by_noise(count: int) -> float:
     return ROUGH_NOISE + CHANCE / float(np.sqrt(2.0 * max(count, 1)))
 
 
-def before(steps: NDArray[np.int64], readings: int) -> NDArray[np.bool_]:
-    """Which readings belong to the first `steps` steps of each push (npush x nreading x 1): none of no steps."""
-    return ((np.arange(readings)[None] <= steps[:, None]) & (steps[:, None] > 0))[..., None]
+def in_polynomials(readings: Array, steps: NDArray[np.int64], basis: Array) -> Array:
+    """The coefficients (npush x njoint x ncoefficient) of `readings` (npush x nreading x njoint) in the first `steps`
+    (npush) of each push by a `basis` (npush x nreading x ncoefficient); zeros of no steps.
+    """
+    belong = (np.arange(readings.shape[1]) <= steps[:, None]) & (steps[:, None] > 0)
+    return np.asarray(np.einsum("ptk,ptj->pjk", basis, readings * belong[..., None]), dtype=np.float64)
 
 
 def eliminate(values: Array, slopes: Array, whitened: Array, count: int) -> tuple[Array, Array, Array]:

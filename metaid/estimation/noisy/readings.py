@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache, cached_property, lru_cache
+from functools import cache, cached_property, lru_cache, partial
 from typing import ClassVar, TypeVar
 
 import numpy as np
@@ -23,9 +23,9 @@ from metaid.estimation.noisy.polynomials import (
     STRIDE,
     Compared,
     PolynomialWindows,
-    before,
     eliminated,
     explained_by_noise,
+    in_polynomials,
     polynomial_windows,
     together,
 )
@@ -114,14 +114,9 @@ class Readings:
 
     def residuals_alone(self, point: Array) -> Residuals | None:
         """Those on all windows where nothing is unknown but what a push alone has."""
-
-        log_factors, faults = self._parted(point[: len(self.spreads)])
-        alone = replace(self, unknowns=self.unknowns.alone(log_factors))
-
-        def _compared(number: int, _: Array, whitened: Array, windows: int) -> Compared | None:
-            return alone._compare(number, faults, whitened, windows, by_faults=False)
-
-        return self._eliminated(point, self.stages, _compared)
+        count = len(self.unknowns.names)
+        alone = replace(self, unknowns=self.unknowns.alone(point[:count]))
+        return alone._eliminated(point[count:], self.stages, partial(alone._compare, by_faults=False))
 
     def residuals_with(
         self, point: Array, torques: Sequence[Array], moved: Sequence[Unknowns] = ()
@@ -309,14 +304,11 @@ class Readings:
 
     @cached_property
     def _read(self) -> Callable[[int, int], Array]:
-        """What was read of a trial, by its number, on the longest of so many windows of each push (npush x njoint x
-        ncoefficient); worked out once.
-        """
+        """What was read of a trial, by its number, on the longest of so many windows, in their polynomials."""
 
         def coefficients(number: int, windows: int) -> Array:
-            (chosen, steps), readings = self._longest(number, windows), self.trials[number].readings
-            basis = self._windows[number].basis[chosen]
-            return np.asarray(np.einsum("ptk,ptj->pjk", basis, readings * before(steps, readings.shape[1])))
+            chosen, steps = self._longest(number, windows)
+            return in_polynomials(self.trials[number].readings, steps, self._windows[number].basis[chosen])
 
         return cache(coefficients)
 
