@@ -62,8 +62,8 @@ class Experiment:
         takes_up: whether faults are searched, too, once nothing explains the trials without them.
         torque_noise: what the noise of each joint's torque (njoint) is said to be, in N m; None where torques have
             none. How large it is, is found.
-        remembered: estimates that took up faults without a start, by digests of their readings: a search makes that of
-            its first trials, and the estimate of all trials begins from it.
+        remembered: estimates that were made of readings without a start, by digests of these: a search makes that of
+            its first trials, the estimate of all trials begins from it, and whether they were enough is asked of it.
     """
 
     laws: Laws
@@ -172,14 +172,18 @@ class Experiment:
         faults if it is to, and lets noise of the torques stand for what the model has not. What did so for the trials
         before is gone on with.
         """
+        if start is not None or self.loop is None or (self.faults.names and not self.takes_up):
+            return self._estimated(trials, start, thorough)
+        digest = _digest(trials)
+        if digest not in self.remembered:
+            self.remembered[digest] = self._estimated(trials, None, thorough)
+        return self.remembered[digest]
+
+    def _estimated(self, trials: Sequence[Any], start: Found | None, thorough: bool) -> Any:
+        """The same, made now."""
         if self.takes_up and start is None and self.loop is not None:
-            digest = _digest(trials)
-            if digest not in self.remembered:
-                found = self._fitted(trials, None, thorough)
-                if found is not None and not found.is_explained:
-                    found = self._taken_up(trials, found)[0]
-                self.remembered[digest] = found
-            return self.remembered[digest]
+            found = self._fitted(trials, None, thorough)
+            return found if found is None or found.is_explained else self._taken_up(trials, found)[0]
         if self.takes_up and start is not None and start.faults is not None:
             return self._searching(start.faults.searched).estimate(trials, start, thorough)
         if start is not None and start.led_misfit is not None:
