@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import functools
-import io
 import math
 import re
 from collections.abc import Iterator, Sequence
@@ -17,7 +15,6 @@ import matplotlib as mpl
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backend_bases import get_registered_canvas_class
-from matplotlib.backends.backend_svg import FigureCanvasSVG, RendererSVG
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
@@ -39,7 +36,6 @@ VALUES = "cividis"  # of frequencies: even in lightness, and the same for most e
 LINE_VALUES = LinearSegmentedColormap.from_list("line values", (COLOURS[0], "#8f8f96", COLOURS[4]))
 MANY = 600  # marks; more are drawn as pixels inside a vector file
 DPI = 200  # of pixels in any file
-POINTS = 72.0  # an inch, in which an SVG is drawn
 COLUMN, PAGE = 3.5, 7.0  # inches: one column of a journal, and two
 
 POINTER = 8.0  # points, of the unseen marks that a pointer has to hit
@@ -160,34 +156,15 @@ def verbatim(text: str) -> str:
     return text.replace("$", r"\$")
 
 
-class _SvgCanvas(FigureCanvasSVG):
-    """Measures the letters of all figures by one renderer, which remembers them: to measure them anew for each figure
-    would take a tenth of its layout.
-    """
-
-    def get_renderer(self) -> RendererSVG:
-        return _measuring()
-
-
-@functools.cache
-def _measuring() -> RendererSVG:
-    return RendererSVG(1.0, 1.0, io.StringIO())  # type: ignore[no-untyped-call]
-
-
 @contextmanager
 def laid_out(figure: Figure, ending: str) -> Iterator[None]:
-    """A `figure` that has inside the layout of a file of that `ending`; inside `style`. Else savefig would draw all of
-    it once more, for the layout alone.
+    """A `figure` that has inside the layout of a file of that `ending`, and DPI dots an inch; inside `style`. Else
+    savefig would draw all of it once more, for the layout alone.
     """
     layout, canvas, dpi = figure.get_layout_engine(), figure.canvas, figure.dpi
     try:
-        # Letters are measured as that file has them.
-        if ending == "svg":
-            _SvgCanvas(figure)
-            figure.dpi = POINTS
-        else:
-            get_registered_canvas_class(ending)(figure)
-            figure.dpi = DPI
+        get_registered_canvas_class(ending)(figure)  # letters are measured as that file has them
+        figure.dpi = DPI
         if layout is not None:
             layout.execute(figure)
             figure.set_layout_engine(None)
