@@ -35,8 +35,6 @@ LEAST = 1e-9  # of the largest torque, that any joint's error is at least: round
 CHUNK = 2_000_000  # numbers at nodes that are made at a time
 PASSIVE, LEAST_PASSIVE = 0.1, 1e-3  # of the terms that cancel in a joint without a motor: its error, and the least
 UNTRUSTED = 1e12  # times the largest torque, squared: the variance of one that is not trusted
-RARELY, FEW = 0.035, 12  # s between two readings, from which on the windows of a log have so many
-HELD = 0.1  # of its weight, that an equation has of a joint that is held
 SHIFT = 1e-5  # rad or m, for derivatives by a zero
 
 
@@ -63,17 +61,12 @@ class Part:
         averaged, rigid = self._averaged(model, bodies, zeros)
         windows = self.windows
         friction = model.friction_columns(windows.speeds, windows.accelerations, self.sliding(model), rigid)
-        rows: Array = self._share[:, None] * np.concatenate([averaged, windows.averaged(friction)], axis=-1)
+        rows: Array = self.smoothed.share[:, None] * np.concatenate([averaged, windows.averaged(friction)], axis=-1)
         return rows
 
     def torques(self, delay: float) -> Array:
         """The averaged torques (nwindow x ntest x njoint), in N m or N, `delay` in s later than they are logged."""
-        return self.windows.torques(self.record, delay) * self._share
-
-    @property
-    def _share(self) -> Array:
-        """By what equations of a joint (njoint) are multiplied: of one that is held here alone they count little."""
-        return np.where(self.smoothed.held, HELD, 1.0)
+        return self.windows.torques(self.record, delay) * self.smoothed.share
 
     def _averaged(self, model: LinearModel, bodies: Array, zeros: Array) -> tuple[Array, Array]:
         """The averaged torque for a unit of each of the bodies' unknowns (nwindow x ntest x njoint x nbody), kept for
@@ -384,8 +377,7 @@ def equations_of(logs: Sequence[Smoothed], model: LinearModel, span: float, powe
     """
     parts = []
     for log, own in enumerate(logs):
-        rarely = own.record.period > RARELY
-        windows = cut_windows(own.record, *((FEW * own.record.period, 4) if rarely else (span, power)))
+        windows = cut_windows(own.record, span, power)
         if windows is None or len(windows) < THIRDS:
             return None
         parts.append(Part(log, own.record, windows, own))

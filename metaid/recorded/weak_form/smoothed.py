@@ -27,6 +27,7 @@ LONGEST = 40_000, 200_000  # rows of a grid, of robots with many joints and with
 EDGE = 0.2  # s at both ends that are not judged
 REST = 0.01  # of a joint's fastest speed: rows in which no joint is faster, for AROUND s, are not judged
 AROUND = 0.25  # s
+HELD = 0.1  # of what it counts else, of a joint that is held
 GAP = 0.05  # s between two readings, around which rows are not judged
 
 
@@ -95,6 +96,11 @@ class Smoothed:
         return np.stack([np.interp(times, self.times, state) for state in states.T], axis=-1)
 
     @property
+    def share(self) -> Array:
+        """By what equations of a joint (njoint) are multiplied: of one that is held here alone they count little."""
+        return np.where(self.held, HELD, 1.0)
+
+    @property
     def middle(self) -> float:
         """When half of the judged rows have passed, in s."""
         times = self.times[self.judged] if self.judged.any() else self.times
@@ -124,8 +130,15 @@ class Smoothed:
     def squares(
         self, model: LinearModel, bodies: Array, torques: Array, left: Array, rows: NDArray[np.bool_]
     ) -> tuple[Array, Array]:
-        """Sums of squares in some `rows` (nrow) of what is `left` of `torques` that acted (nrow x njoint each), and of
-        what these errors are shares of, by bodies (nbody); 0 of joints that are held here alone (njoint each).
+        """Sums of squares of what is left of torques, and of what these errors are shares of (njoint each); 0 of joints
+        that are held here alone.
+
+        Args:
+            model: what is unknown.
+            bodies: the unknowns of the bodies (nbody).
+            torques: that acted (nrow x njoint), in N m or N.
+            left: of them (nrow x njoint), in N m or N.
+            rows: that count (nrow).
         """
         whole = model.whole(torques, bodies, lambda: self._columns(model))[rows].sum(axis=0)
         missed = model.trusted_alone((left[rows] ** 2).sum(axis=0))

@@ -24,6 +24,7 @@ NODES = 32  # in a window, at which the model's torque is evaluated
 AT_REST = 0.005  # of a joint's fastest speed: a window in which no joint is faster is left out
 SIDE_BY_SIDE = 50_000  # readings of windows that are fitted at once
 GAP = 0.15  # of a window without a reading: nobody knows which torques were sent there
+RARELY, FEW, COARSE = 0.035, 12, 4  # s between two readings, from which on windows have so many, and of which degree
 TESTS = (Polynomial([1.0, 0.0, -1.0]) ** 2, Polynomial([1.0, 0.0, -1.0]) ** 2 * Polynomial([0.0, 2.0]))  # ψ(s)
 INTEGRALS = np.array([np.append(test.integ().coef, [0.0] * (5 - test.degree())) for test in TESTS]).T  # (7 x ntest)
 
@@ -132,9 +133,11 @@ def cut_windows(record: Record, span: float, power: int) -> Windows | None:
 
     Args:
         record: the log.
-        span: length of a window, in s.
+        span: length of a window, in s; of a log that is read too rarely for it, windows are as long as FEW readings.
         power: degree of the polynomials.
     """
+    if record.period > RARELY:
+        span, power = FEW * record.period, COARSE
     first, last = record.times[0], record.times[-1]
     apart = (1.0 - OVERLAP) * span
     middles = np.arange(first + 0.5 * span, last - 0.5 * span, apart)
