@@ -188,7 +188,7 @@ def equations_like(found: RecordedEstimate, record: Record) -> Equations:
     RecordError where it is too short.
     """
     chosen = found.equations
-    equations = equations_of([smoothed(record)], chosen.model, chosen.span, chosen.parts[0].windows.degree)
+    equations = equations_of([smoothed(record)], chosen.model, chosen.span, chosen.finest.degree)
     if equations is None:
         raise RecordError(f"{record.name}: too short, or no joint moves (allowed: some seconds of motion)")
     return replace(equations, zeros=chosen.zeros, delay=chosen.delay, scale=chosen.scale)

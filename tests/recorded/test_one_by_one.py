@@ -68,13 +68,20 @@ def test_logs_of_one_joint_each_predict_what_was_left_out_of_them(nominal: Path)
     """Parts of each log are held out, for no other log tells of its joint's friction; so it is, though a host's stamps
     jitter and one log is read twelve times a second.
     """
-    logs = [log_of(0, 20), log_of(1, 30, jitter=0.003), log_of(2, 84)]
+    logs = [log_of(2, 84), log_of(1, 30, jitter=0.003), log_of(0, 20)]
     result = metaid.estimate(logs, nominal, friction=["viscous"])
     assert result.verdict.is_found
     held = result.estimate.held_out
     assert held.by == "blocks"
     assert held.relative < 0.02
     np.testing.assert_allclose(damping_of(result), [0.4, 0.3, 0.2], rtol=0.05)
+
+
+def test_windows_that_are_said_are_those_of_a_log_that_is_read_often_enough(nominal: Path) -> None:
+    """Whichever log is the first: those of one that is read rarely are longer."""
+    result = metaid.estimate([log_of(2, 84), log_of(0, 10)], nominal, friction=["viscous"], window=0.2)
+    window = result.summary["window"]
+    assert (window["seconds"], window["degree"]) == (0.2, 6)
 
 
 def test_what_brakes_bear_is_not_taken_for_what_links_weigh(nominal: Path) -> None:

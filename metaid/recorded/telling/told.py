@@ -134,7 +134,7 @@ class RecordedResult:
             "scale": found.scale,
             "window": {
                 "seconds": equations.span,
-                "degree": equations.parts[0].windows.degree,
+                "degree": equations.finest.degree,
                 "count": equations.nwindow,
                 "cutoff_hz": found.logs[0].cutoff,
                 "moving_s": found.moved,

@@ -166,9 +166,14 @@ class Equations:
         return [part.windows.middles for part in self.parts]
 
     @property
+    def finest(self) -> Windows:
+        """The shortest windows: those of a log that is read rarely are longer."""
+        return min((part.windows for part in self.parts), key=lambda windows: windows.span)
+
+    @property
     def span(self) -> float:
-        """The length of the windows, in s; those of a log that is read rarely are longer."""
-        return min(part.windows.span for part in self.parts)
+        """The length of the windows, in s."""
+        return self.finest.span
 
     @property
     def is_enough(self) -> bool:

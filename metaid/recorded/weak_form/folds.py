@@ -19,8 +19,6 @@ from metaid.recorded.weak_form.windows import Windows
 
 MOST_FOLDS = 8  # logs are held out in so many groups at most
 WHOLE = 3  # so many logs or more: whole ones are held out
-STIRS = 0.1  # of a joint's fastest speed in any log: in one where it is slower, it tells little of its friction
-STANDS = 0.01  # of the fastest joint's speed: a joint that is slower stands still
 THIRDS = 3  # parts of a log's motion that are held out in turn
 LOOKED_AT = 1500  # states that are looked for elsewhere
 SAME = 0.03  # of what coordinates and speeds usually are, root mean square: a state so near is the same
@@ -87,9 +85,8 @@ def folds_of(logs: Sequence[Smoothed], middles: Sequence[Array]) -> tuple[Fold, 
 
 def _move_elsewhere(logs: Sequence[Smoothed], groups: Sequence[NDArray[np.intp]]) -> bool:
     """Whether each joint that moves in one of the `groups` of logs does so in another, too."""
-    fastest = np.array([np.quantile(np.abs(own.speeds), 0.99, axis=0) for own in logs])
-    moves = (fastest > STIRS * fastest.max(axis=0)) & (fastest > STANDS * fastest.max())
-    return not (np.array([moves[group].any(axis=0) for group in groups]).sum(axis=0) == 1).any()
+    moves = np.array([~own.held for own in logs])
+    return bool((np.array([moves[group].any(axis=0) for group in groups]).sum(axis=0) > 1).all())
 
 
 def _together(thirds: Sequence[Fold]) -> Fold:

@@ -228,7 +228,7 @@ def smoothed(record: Record) -> Smoothed:
 
 
 def smoothed_together(records: Sequence[Record], model: LinearModel) -> tuple[Smoothed, ...]:
-    """Logs of one robot on their grids, each with the joints that are held in it alone."""
+    """Logs of one robot on their grids, each with the joints that are held in it and not in all."""
     logs = [smoothed(record) for record in records]
     held = np.array([model.held(np.ptp(own.coordinates, axis=0)) for own in logs])
     return tuple(replace(own, held=each & ~held.all(axis=0)) for own, each in zip(logs, held, strict=True))
