@@ -71,10 +71,14 @@ def test_urdf_of_the_builders_predicts_as_well_as_links(metaid: Callable[..., Fi
     assert errors[0] < 1.1 * errors[1]
 
 
-def test_command_says_what_a_file_cannot_hold_beside_its_error(metaid: Callable[..., Finished]) -> None:
-    """A URDF has no rotors, which of this pendulum makes its error four times that of the MJCF."""
+def test_command_says_what_a_file_cannot_hold_and_once_what_logs_share(metaid: Callable[..., Finished]) -> None:
+    """A URDF has no rotors, which of this pendulum makes its error four times that of the MJCF. Of two logs as many
+    rows are lost, and of another fewer.
+    """
     given = ("double-pendulum", "--nominal", "double-pendulum", *FRICTION)
     out = metaid("estimate", *given, "-o", "f.urdf", "-o", "f.xml").out
+    lost = [line.partition(" rows lost")[0] for line in out.splitlines()[:2]]
+    assert lost == ["run1.csv, run3.csv: 5", "run2.csv: 3"]
     of_urdf, lacking, of_xml = out.splitlines()[-3:]
     assert of_urdf.startswith("f.urdf: loaded again")
     assert "a URDF has no inertia of rotors; add to the mass matrix: joint_2" in lacking

@@ -49,6 +49,14 @@ def test_speeds_of_a_joint_that_hardly_moves_beyond_its_noise_are_taken(size: fl
     assert record.speeds is not None
 
 
+def test_speeds_of_a_joint_within_two_steps_of_its_encoder_are_taken() -> None:
+    """Its angle jumps by a step, or not at all; the filter of its speeds knows nothing of steps."""
+    log = clean()
+    angles = 1e-4 * np.round(1.4 * np.sin(3.1 * log["time"]))
+    record = read(log.assign(angle_1=0.3 + angles, speed_1=1e-4 * np.cos(3.1 * log["time"])))
+    assert record.speeds is not None
+
+
 def test_column_that_says_radians_may_turn_many_times() -> None:
     """As that of a motor; one that says no unit may not."""
     log = clean().assign(angle_1=lambda frame: 60.0 * frame["angle_1"], speed_1=lambda frame: 60.0 * frame["speed_1"])

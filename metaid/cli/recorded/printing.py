@@ -11,6 +11,7 @@ if TYPE_CHECKING:
 
 FEW = 12  # parameters that a screen has
 AS_COLUMNS = 2  # logs to validate; more have a table of their own
+NAMED = 3  # logs that a line names
 REASONS = 5  # sentences: what is predicted, and four on what is not explained
 
 
@@ -20,9 +21,7 @@ def print_result(result: RecordedResult, has_numbers: bool, whole: bool) -> None
     tried.
     """
     shown = result.summary
-    for log in shown["logs"]:
-        for repair in log["repairs"]:
-            say(f"{log['path']}: {repair['text']}")
+    _print_repairs(shown["logs"])
     _print_held_out(shown, result)
     if has_numbers:
         _print_parameters(shown, whole)
@@ -36,6 +35,17 @@ def print_result(result: RecordedResult, has_numbers: bool, whole: bool) -> None
     if result.estimate.equations.zeros and whole:
         for log in shown["logs"]:
             say(f"zeros of {log['path']}, added to its angles: " + ", ".join(f"{zero:+.4f}" for zero in log["zeros"]))
+
+
+def _print_repairs(logs: list[dict[str, Any]]) -> None:
+    """What is true of several logs is said once."""
+    of: dict[str, list[str]] = {}
+    for log in logs:
+        for repair in log["repairs"]:
+            of.setdefault(repair["text"], []).append(log["path"])
+    for text, paths in of.items():
+        named = ", ".join(paths) if len(paths) <= NAMED else f"{paths[0]} and {len(paths) - 1} more logs"
+        say(f"{'all logs' if len(paths) == len(logs) > 1 else named}: {text}")
 
 
 def _print_held_out(shown: dict[str, Any], result: RecordedResult) -> None:

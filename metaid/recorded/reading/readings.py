@@ -100,9 +100,11 @@ def counted(count: int, what: str) -> str:
 
 def noise_of(read: Array) -> Array:
     """The standard deviation of the noise of each joint (njoint), by what `read` (nrow x njoint) leaves of a parabola:
-    third differences have 20 times the variance of the noise.
+    third differences have 20 times the variance of the noise. That of rounding at least, which a sensor hides that
+    hardly moves.
     """
-    return np.asarray(np.sqrt((np.diff(read, n=3, axis=0) ** 2).mean(axis=0) / 20.0), dtype=np.float64)
+    rounding = np.array([resolution_of(column) for column in read.T]) / np.sqrt(12.0)
+    return np.maximum(np.sqrt((np.diff(read, n=3, axis=0) ** 2).mean(axis=0) / 20.0), rounding)
 
 
 def resolution_of(read: Array) -> float:
