@@ -168,6 +168,19 @@ def test_other_columns_that_may_be_torques_are_named() -> None:
     assert not read(clean().assign(**others).rename(columns={"tau_motor2": "x"}), columns=named).repairs
 
 
+def test_torques_that_are_0_are_read_from_what_else_may_be_torques() -> None:
+    """As of a robot whose log has one column for what is computed, and others for what is measured one way or another;
+    where all are 0, that is refused.
+    """
+    log = clean().rename(columns={f"torque_{joint}": f"tau_motor{joint}" for joint in (1, 2)})
+    unused = {f"{word}{joint}": 0.0 for word in ("tau", "tau_sensor") for joint in (1, 2)}
+    record = read(log.assign(**unused)[[*unused, *log]])
+    np.testing.assert_array_equal(record.torques, read(clean()).torques)
+    assert record.repairs[-1].text == "torques are 0: tau_motor is read instead, as by --map tau_motor=torque"
+    with pytest.raises(RecordError, match="every torque is 0"):
+        read(log.assign(**unused, tau_motor1=0.0, tau_motor2=0.0)[[*unused, *log]])
+
+
 @pytest.mark.parametrize("speed", ["theta_dot{}", "D_Theta_{}", "q{}_dot", "der_pos_{}", "dot_phi_{}"])
 def test_speed_is_the_derivative_of_an_angle(speed: str) -> None:
     """Of which an acceleration is not one."""

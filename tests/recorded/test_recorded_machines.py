@@ -49,6 +49,22 @@ def rubbed() -> tuple[Record, RecordedEstimate]:
     return record, estimated(record)
 
 
+def test_friction_that_bends_drives_no_joint_that_is_faster_than_in_the_log() -> None:
+    """Of friction that falls before the fastest speed, the curve handed over grows up to twice that speed."""
+    free = arm_log(noise=0.0)
+    fastest = np.abs(np.gradient(free.angles, free.times, axis=0)).max(axis=0)
+
+    def friction(speeds: Array) -> Array:
+        share = np.abs(speeds) / fastest
+        return 3.0 * DRY * np.sign(speeds) * (np.sqrt(share) - 0.6 * share)
+
+    found = estimated(arm_log(friction), friction=("viscous", "coulomb", "root"))
+    viscous, root = (
+        np.array([found.values[found.model.columns[term, joint]] for joint in range(3)]) for term in ("viscous", "root")
+    )
+    assert (viscous + 0.5 * root / np.sqrt(2.0 * found.fastest) >= 0.0).all()
+
+
 def test_each_log_has_zeros_of_its_own() -> None:
     """Encoders that are zeroed anew for each run are found to 3 mrad, and whole logs are held out."""
     chain = load_chain("two-link").chain

@@ -57,6 +57,15 @@ def test_speeds_of_a_joint_within_two_steps_of_its_encoder_are_taken() -> None:
     assert record.speeds is not None
 
 
+def test_speeds_of_a_joint_that_is_held_and_shaken_are_taken() -> None:
+    """Their sensor is filtered, and smaller than how fast the angle changes that others shake."""
+    log = clean()
+    shaken = {"angle_1": 1e-4 * np.sin(9.0 * log["time"]), "speed_1": 4e-4 * np.cos(9.0 * log["time"])}
+    assert read(log.assign(**shaken)).speeds is not None
+    with pytest.raises(RecordError, match=r"speed_1 is 0\.444 times how fast angle_1 changes"):
+        read(log.assign(**{name: 1e3 * values for name, values in shaken.items()}))
+
+
 def test_column_that_says_radians_may_turn_many_times() -> None:
     """As that of a motor; one that says no unit may not."""
     log = clean().assign(angle_1=lambda frame: 60.0 * frame["angle_1"], speed_1=lambda frame: 60.0 * frame["speed_1"])

@@ -34,6 +34,7 @@ class Understood:
             a joint without a torque.
         notes: what was understood that is not spelled as metaid does.
         factors: by what the readings of columns are multiplied that are in units of their own.
+        others: words of columns that may be torques, too, and are not read.
     """
 
     times: tuple[str, ...]
@@ -41,6 +42,7 @@ class Understood:
     kinds: dict[str, tuple[str, ...]]
     notes: tuple[Repair, ...]
     factors: dict[str, float]
+    others: tuple[str, ...] = ()
 
     @property
     def wanted(self) -> list[str]:
@@ -90,7 +92,11 @@ def understood(table: Table, joints: Sequence[str], mapping: Mapping[str, str]) 
     times, unit = _clock(names)
     unit = SPELLED.get(said_units.get("".join(times[:1]), ""), unit)
     factors: dict[str, float] = {}
-    notes = _notes(times, kinds, names, joints, base) + _others(table, kinds["torque"], names, joints)
+    others = _others(table, kinds["torque"], names, joints)
+    notes = _notes(times, kinds, names, joints, base)
+    if others:
+        text = f"{first_of(others, MOST_NAMED)} may be torques, too: --map {others[0]}=torque reads them instead"
+        notes += (Repair("columns", len(others), text),)
     for kind, own_columns in kinds.items():
         every = {column: joint for column, joint in zip(own_columns, joints, strict=False) if column}
         measured = "current" if is_current and kind == "torque" else kind
@@ -108,7 +114,7 @@ def understood(table: Table, joints: Sequence[str], mapping: Mapping[str, str]) 
     if idle:
         text = f"no torque of {joints_of(idle)}: it is 0, as without a motor"
         notes += (Repair("torque", len(idle), text),)
-    return Understood(times, unit, kinds, (*table.notes, *notes), factors)
+    return Understood(times, unit, kinds, (*table.notes, *notes), factors, others)
 
 
 def angles_named(table: Table, joints: Sequence[str]) -> dict[str, str]:
@@ -118,11 +124,9 @@ def angles_named(table: Table, joints: Sequence[str]) -> dict[str, str]:
     return {joints[each.joint]: each.column for each in reversed(angles) if each.joint is not None}
 
 
-def _others(
-    table: Table, torques: Sequence[str], names: Mapping[str, str], joints: Sequence[str]
-) -> tuple[Repair, ...]:
-    """One line on columns that may be torques, too, and are not read."""
-    if any(names[column] != column for column in torques if column):
+def _others(table: Table, torques: Sequence[str], names: Mapping[str, str], joints: Sequence[str]) -> tuple[str, ...]:
+    """Words of columns that may be torques, too, beside those that are read and that no user has named."""
+    if not torques or any(names[column] != column for column in torques if column):
         return ()
     others = []
     for word, columns in words_of(table.columns, joints).items():
@@ -130,10 +134,7 @@ def _others(
         is_torque = bool({"torque", "current"} & {KIND_OF.get(each) for each in tokens})
         if is_torque and not (OTHERS | WISHED) & tokens and len(columns) >= len(joints) and not {*torques} & {*columns}:
             others.append(word)
-    if not torques or not others:
-        return ()
-    text = f"{first_of(others, MOST_NAMED)} may be torques, too: --map {others[0]}=torque reads them instead"
-    return (Repair("columns", len(others), text),)
+    return tuple(others)
 
 
 def _joints_called(names: Iterable[str], joints: Sequence[str]) -> Sequence[str]:

@@ -75,7 +75,7 @@ class Intake:
     def run_of(self, pieces: Pieces) -> tuple[Record, ...]:
         """The runs in tables, of which one has all that is needed, or all together.  Raises RecordError."""
         table, columns = self._complete(pieces)
-        readings = in_seconds(self._numbers(table, columns), columns.unit)
+        readings = in_seconds(self._measured(table, columns), columns.unit)
         refuse_few_rows(readings)
         name = Path(table.name).name
         parts = begins_again(readings)
@@ -104,6 +104,15 @@ class Intake:
             f"{table.name}: no column '{missing if missing == 'time' else f'{missing}_1'}' among {there} (allowed: "
             f"time, of each of {len(self.joints)} joints angle_1, torque_1 and perhaps speed_1; or --map OWN=OURS)"
         )
+
+    def _measured(self, table: Table, columns: Understood) -> Record:
+        """The cells of a table as numbers; where all torques are 0, those of others that may be torques and are not."""
+        readings = self._numbers(table, columns)
+        for word in columns.others if self.needs_torques and not readings.torques.any() else ():
+            other = self._numbers(table, understood(table, self.joints, {**self.columns, word: "torque"}))
+            if other.torques.any():
+                return other.repaired("torque", 1, f"torques are 0: {word} is read instead, as by --map {word}=torque")
+        return readings
 
     def _numbers(self, table: Table, columns: Understood) -> Record:
         """The cells of a table as numbers, NaN where a cell has none."""

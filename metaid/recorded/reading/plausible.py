@@ -17,6 +17,7 @@ SPINNING = 60.0  # rad/s: but one that turns without an end, slower than this, m
 CALM = 0.05  # of a joint's fastest speed: below it the ratio of two speeds says nothing
 ABOVE_NOISE = 5.0  # standard deviations
 FAR_FROM_ONE = 1.5  # between a speed and the change of its angle
+SHAKEN = 0.01  # of how far the farthest joint of a log goes: one that goes no farther is held, and others shake it
 DEGREES = 180.0 / np.pi
 RADIANS = re.compile(r"\brad(ians?)?\b", re.IGNORECASE)  # in a column's own name
 
@@ -66,14 +67,15 @@ def _refuse_degrees(readings: Record, slides: NDArray[np.bool_], endless: NDArra
 
 def _refuse_other_speeds(readings: Record, speeds: Array) -> None:
     """Speeds that are not how fast the angles change, over a tenth of a second or so. Changes within the noise of the
-    sensors say nothing of speeds.
+    sensors say nothing of speeds, nor does a joint that is held.
     """
     times, angles, period = readings.times, readings.angles, readings.period
     stride = max(1, round(0.05 / period))
     noise = np.sqrt(2.0) * noise_of(angles) + np.sqrt(stride) * period * noise_of(speeds)
     mean = np.cumsum(0.5 * (speeds[1:] + speeds[:-1]) * np.diff(times)[:, None], axis=0)
     said, seen = mean[stride::stride] - mean[:-stride:stride], angles[1:][stride::stride] - angles[1:][:-stride:stride]
-    for joint in range(angles.shape[1]):
+    reach = np.ptp(angles, axis=0)
+    for joint in np.flatnonzero(reach > SHAKEN * reach.max()).tolist():
         size, least = np.abs(seen[:, joint]), ABOVE_NOISE * noise[joint]
         moving = size > max(CALM * size.max(), least)
         # where few changes are beyond the noise, these are those that the noise has made larger

@@ -104,7 +104,8 @@ def noise_of(read: Array) -> Array:
     hardly moves.
     """
     rounding = np.array([resolution_of(column) for column in read.T]) / np.sqrt(12.0)
-    return np.maximum(np.sqrt((np.diff(read, n=3, axis=0) ** 2).mean(axis=0) / 20.0), rounding)
+    noise = np.sqrt((np.diff(read, n=3, axis=0) ** 2).mean(axis=0) / 20.0)
+    return np.asarray(np.maximum(noise, rounding), dtype=np.float64)
 
 
 def resolution_of(read: Array) -> float:

@@ -24,6 +24,7 @@ COMPLEX_STEP = 1e-30  # of a derivative, which is exact to rounding
 CURVE = ("coulomb", "root", "viscous")  # of friction over speed, which is not negative where there is a root
 NOT_NEGATIVE = (*CURVE, "load", "rotor")
 SPEEDS = (0.0, 0.1, 0.3, 1.0)  # shares of a joint's fastest speed, at which friction is not negative
+BEYOND = 2.0  # of it, up to which friction that bends does not fall: it would drive a joint that is faster
 
 
 @dataclass(frozen=True)
@@ -122,7 +123,7 @@ class Possible:
 
     def _friction_rows(self, values: Array, deviations: Array) -> tuple[Array, Array]:
         """Combinations of the unknowns of friction (nrow x nfriction) that are not negative, and their usual sizes
-        (nrow): where there is a root, the curve at some speeds, else each term by itself.
+        (nrow): where there is a root, the curve at some speeds and how it grows, else each term by itself.
         """
         model, nbody = self._model, self._model.nbody
         rows: list[Array] = []
@@ -132,6 +133,7 @@ class Possible:
             shapes = [
                 {"coulomb": 1.0, "root": share**0.5 * fastest**0.5, "viscous": share * fastest} for share in SPEEDS
             ]
+            shapes.append({"root": 0.5 / BEYOND**0.5, "viscous": fastest**0.5})
             if "root" not in columns:
                 shapes = []
             for shape in (*shapes, *({term: 1.0} for term in columns if not (shapes and term in CURVE))):
