@@ -54,6 +54,19 @@ def arrays_of(log: pd.DataFrame) -> dict[str, np.ndarray]:
     }
 
 
+@pytest.mark.parametrize("ending", ["mat", "npz", "json"])
+def test_matrix_is_read_by_the_names_of_its_columns(ending: str, tmp_path: Path) -> None:
+    """Which stand beside it as words, as those of a frame that pandas has split."""
+    log, path = clean(), tmp_path / f"run.{ending}"
+    if ending == "json":
+        log.to_json(path, orient="split", double_precision=15)
+    elif ending == "mat":
+        savemat(path, {"column_name": np.array([*log.columns], dtype=object), "data": log.to_numpy()})
+    else:
+        np.savez(path, names=np.array([*log.columns]), data=log.to_numpy().T)
+    np.testing.assert_allclose(read(str(path)).torques, read(log).torques, rtol=1e-12)
+
+
 @pytest.mark.parametrize("how", ["step", "structure", "lying", "lists", "records", "lines"])
 def test_arrays_are_read_as_tables(how: str, tmp_path: Path) -> None:
     """Of NumPy with the step alone, of MATLAB in a structure, or with a column a time, of JSON in lists or in records;

@@ -1,8 +1,8 @@
 """Files of named arrays, of NumPy (`.npz`), MATLAB (`.mat`) or JSON, as frames: a row a time, and a column a joint.
 
 An array that has a row for each time is as many columns as it has, `q` is `q_1`, `q_2` and so on; one that lies is
-turned. Where no array holds the times, a number that is called as a step or a rate makes them. JSON may have records,
-one a time, too.
+turned. One alone of its width may have its columns' names beside it, in an array of as many words. Where no array holds
+the times, a number that is called as a step or a rate makes them. JSON may have records, one a time, too.
 """
 
 from __future__ import annotations
@@ -45,12 +45,15 @@ def arrays_frame(path: Path) -> pd.DataFrame:
         raise RecordError(f"{path}: no array has a row for each time, among {names} (allowed: arrays as t, q, tau)")
     times = [table.size for name, table in tables.items() if _last_word(name) in CLOCKS and 1 in table.shape]
     count = times[0] if times else Counter(max(table.shape) for table in tables.values()).most_common(1)[0][0]
+    tables = {name: table if table.shape[0] == count else table.T for name, table in tables.items()}
+    widths = Counter(table.shape[1] for table in tables.values() if len(table) == count)
+    said = {len(words): words for words in _words(found) if widths[len(words)] == 1 < len(words)}
     columns: Named = {}
     for name, table in tables.items():
-        if count in table.shape:
-            own = table if table.shape[0] == count else table.T
-            called = [name] if own.shape[1] == 1 else [f"{name}_{number + 1}" for number in range(own.shape[1])]
-            columns |= dict(zip(called, own.T, strict=True))
+        if len(table) == count:
+            width = table.shape[1]
+            called = [name] if width == 1 else said.get(width, [f"{name}_{number + 1}" for number in range(width)])
+            columns |= dict(zip(called, table.T, strict=True))
     step = None if times else next(_steps(every), None)
     if step is not None:
         columns["time"] = step * np.arange(count)
@@ -104,6 +107,8 @@ def _by_name(found: Any) -> dict[str, Any]:
             arrays[name] = _by_name(value)
         elif isinstance(value, list) and any(isinstance(each, dict) for each in value):
             arrays |= _by_name(value)
+        elif isinstance(value, list) and all(isinstance(each, str) for each in value):
+            arrays[name] = np.asarray(value, dtype=np.str_)
         else:
             with suppress(ValueError, TypeError):  # of words, or of rows that are not as long
                 arrays[name] = np.asarray(value, dtype=np.float64)
@@ -117,6 +122,17 @@ def _numeric(values: dict[str, Any], within: str = "") -> Iterator[tuple[str, ND
             yield from _numeric(value, f"{within}{name}_")
         elif np.isrealobj(each := np.asarray(value)) and np.issubdtype(each.dtype, np.number):
             yield f"{within}{name}", each
+
+
+def _words(values: dict[str, Any]) -> Iterator[list[str]]:
+    """Arrays of words that differ, those in structures, too."""
+    for value in values.values():
+        if isinstance(value, dict):
+            yield from _words(value)
+        else:
+            words = np.ravel(np.asarray(value)).tolist()
+            if all(isinstance(each, str) for each in words) and len(set(words)) == len(words):
+                yield words
 
 
 def _steps(every: Named) -> Iterator[float]:
