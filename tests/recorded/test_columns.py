@@ -159,6 +159,19 @@ def test_map_goes_by_names_of_joints_as_well() -> None:
     np.testing.assert_array_equal(record.torques, read(clean()).torques[:, ::-1])
 
 
+def test_user_says_how_the_log_calls_the_joints() -> None:
+    """By the robot's names or numbers, beside what else is said; what a log without them calls them is proposed."""
+    log = clean().rename(columns=lambda name: name.replace("_1", "_hnd").replace("_2", "_elb"))
+    log = log.rename(columns=lambda name: name.replace("torque", "load"))
+    for said in ({"elb": "elbow", "hnd": "hand"}, {"elb": "2", "hnd": "1"}):
+        record = read(log, joints=("hand", "elbow"), columns={**said, "load": "torque"})
+        np.testing.assert_array_equal(record.torques, read(clean()).torques)
+    with pytest.raises(RecordError, match=r"map hip=1: no column has 'hip'"):
+        read(log, joints=("hand", "elbow"), columns={"hip": "1"})
+    with pytest.raises(RecordError, match=r"no column 'angle_1'.*or --map hnd=hand"):
+        read(log, joints=("hand", "elbow"))
+
+
 def test_other_columns_that_may_be_torques_are_named() -> None:
     """Where nobody has said which they are; what was only wished is no measurement."""
     others = {f"{word}{joint}": 0.0 for word in ("tau_motor", "tau_cmd", "tau_model") for joint in (1, 2)}

@@ -68,7 +68,9 @@ class LogsCommand(click.Command):
 @click.option("--friction", metavar="TERMS", help=FRICTION_HELP)
 @click.option("--couple", "couples", metavar="I,J", multiple=True, help="Two joints whose motors are coupled.")
 @click.option("--absolute", metavar="JOINT", multiple=True, help=ABSOLUTE_HELP)
-@click.option("--map", "columns", metavar="OWN=OURS", multiple=True, help="What columns are: pwm=torque, q=angle:deg.")
+@click.option(
+    "--map", "columns", metavar="OWN=OURS", multiple=True, help="What columns are: pwm=torque, q=angle:deg, hip=1."
+)
 @click.option("--rate", type=float, metavar="HZ", hidden=True, help="Rows a second, of logs without times.")
 @click.option("--topic", metavar="NAME", hidden=True, help="Of joint states in a bag that has several.")
 @click.option("--untrusted", metavar="A,B", help="Joints that move, but whose torques are not used.")
@@ -226,7 +228,8 @@ def _meaning(text: str) -> tuple[str, str]:
     own, _, ours = text.rpartition("=")
     if not own or not ours:
         raise click.UsageError(
-            f"--map '{text}' (allowed: a column and what it is, as pwm=torque_1, or all of a word, as q=angle:deg)"
+            f"--map '{text}' (allowed: a column and what it is, as pwm=torque_1, all of a word, as q=angle:deg, or a "
+            "joint, as hip=1)"
         )
     return own, ours
 

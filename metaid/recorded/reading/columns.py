@@ -70,13 +70,14 @@ def understood(table: Table, joints: Sequence[str], mapping: Mapping[str, str]) 
     Args:
         table: the table.
         joints: the names of the robot's joints.
-        mapping: what columns mean that the user names, as `called` has it.
+        mapping: what columns mean that the user names, as `called` has it, or how the log calls a joint.
 
     Raises:
         RecordError: some joints have a column of a kind and others have none, or a name means nothing.
     """
-    names, said_units = called(table.columns, joints, mapping, table.name)
-    own_joints = _joints_called(names.values(), joints)
+    said_joints, said_columns = _joints_said(table, joints, mapping)
+    names, said_units = called(table.columns, said_joints, said_columns, table.name)
+    own_joints = _joints_called(names.values(), said_joints)
     meant = [
         replace(each, is_said=name != column)
         for column, name in names.items()
@@ -137,21 +138,50 @@ def _others(table: Table, torques: Sequence[str], names: Mapping[str, str], join
     return tuple(others)
 
 
+def _joints_said(table: Table, joints: Sequence[str], mapping: Mapping[str, str]) -> tuple[list[str], dict[str, str]]:
+    """How the user says that the log calls the joints (njoint), and what else he says.  Raises RecordError where no
+    column has such a name.
+    """
+    said, others = list(joints), {}
+    for own, meaning in mapping.items():
+        number = meaning if meaning.isdigit() and meaning not in joints else ""
+        if meaning not in joints and not 1 <= int(number or 0) <= len(joints):
+            others[own] = meaning
+        elif any(_without(tokens_of(column), tokens_of(own)) for column in table.columns):
+            said[int(number) - 1 if number else joints.index(meaning)] = own
+        else:
+            raise RecordError(f"{table.name}: map {own}={meaning}: no column has '{own}' beside another word")
+    return said, others
+
+
 def _joints_called(names: Iterable[str], joints: Sequence[str]) -> Sequence[str]:
     """What the log calls the joints: where the robot has but numbers for them, the words beside `angle` and `torque`,
     in the order of the columns, if there is one for each joint.
     """
     if not all(joint.isdigit() for joint in joints):
         return joints
-    words: dict[str, list[str]] = {}
+    names = list(names)
+    own, others = (joints_beside(kind, names) for kind in ("angle", "torque"))
+    others = others or joints_beside("current", names)
+    return own if len(own) == len(joints) and set(own) == set(others) else joints
+
+
+def joints_beside(kind: str, names: Iterable[str]) -> list[str]:
+    """The words without a number that stand beside that of a `kind` in columns' names, each once, in their order."""
+    words: list[str] = []
     for name in names:
         kinds = [each for each in tokens_of(name) if each in KIND_OF]
         joint = "_".join(each for each in tokens_of(name) if each not in {*kinds, *PLAIN, *WISHED})
-        if len(kinds) == 1 and joint and not re.search(r"\d", joint) and not OTHERS & set(tokens_of(name)):
-            words.setdefault(KIND_OF[kinds[0]], []).append(joint)
-    own, others = (list(dict.fromkeys(words.get(kind, ()))) for kind in ("angle", "torque"))
-    others = others or list(dict.fromkeys(words.get("current", ())))
-    return own if len(own) == len(joints) and set(own) == set(others) else joints
+        is_one = len(kinds) == 1 and joint and not re.search(r"\d", joint) and not OTHERS & set(tokens_of(name))
+        if is_one and KIND_OF[kinds[0]] == kind:
+            words.append(joint)
+    return list(dict.fromkeys(words))
+
+
+def _without(tokens: list[str], own: list[str]) -> list[str]:
+    """A column's words without those of `own`, where these stand in it one after the other; else none."""
+    at = next((at for at in range(len(tokens) - len(own) + 1) if tokens[at : at + len(own)] == own), None)
+    return [] if at is None else tokens[:at] + tokens[at + len(own) :]
 
 
 def _meaning(column: str, name: str, joints: Sequence[str]) -> _Meant | None:
@@ -182,10 +212,9 @@ def _joint_in(tokens: list[str], joints: Sequence[str]) -> tuple[int | None, lis
         own = tokens_of(name)
         if all(each.isdigit() for each in own):
             continue
-        for at in range(len(tokens) - len(own) + 1):
-            left = tokens[:at] + tokens[at + len(own) :]
-            if tokens[at : at + len(own)] == own and len(left) < len(rest) and any(each in KIND_OF for each in left):
-                best, rest = joint, left
+        left = _without(tokens, own)
+        if len(left) < len(rest) and any(each in KIND_OF for each in left):
+            best, rest = joint, left
     return best, rest
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from metaid.errors import RecordError
 from metaid.models import Array
 from metaid.recorded.reading.clock import on_true_clock
-from metaid.recorded.reading.columns import Understood, understood
+from metaid.recorded.reading.columns import Understood, joints_beside, understood
 from metaid.recorded.reading.formats import Table, tables_of
 from metaid.recorded.reading.gaps import runs_of
 from metaid.recorded.reading.merging import Pieces, lacking, merged, sampled_at
@@ -100,9 +100,11 @@ class Intake:
         if table.is_nameless:
             raise refusal(table, len(self.joints))
         there = ", ".join(table.columns[:MOST_NAMED]) + (", …" if len(table.columns) > MOST_NAMED else "")
+        strange = joints_beside("angle", table.columns) if missing == "angle" else []
+        told = f"--map {strange[0]}={self.joints[0]}" if len(strange) == len(self.joints) else "--map OWN=OURS"
         raise RecordError(
             f"{table.name}: no column '{missing if missing == 'time' else f'{missing}_1'}' among {there} (allowed: "
-            f"time, of each of {len(self.joints)} joints angle_1, torque_1 and perhaps speed_1; or --map OWN=OURS)"
+            f"time, of each of {len(self.joints)} joints angle_1, torque_1 and perhaps speed_1; or {told})"
         )
 
     def _measured(self, table: Table, columns: Understood) -> Record:
