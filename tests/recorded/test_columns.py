@@ -172,6 +172,15 @@ def test_user_says_how_the_log_calls_the_joints() -> None:
         read(log, joints=("hand", "elbow"))
 
 
+def test_joints_are_known_by_a_part_of_their_names() -> None:
+    """As of a robot whose file puts a prefix before all of them; by a part that several have none is."""
+    log = clean().rename(columns=lambda name: name.replace("_1", "_elbow_joint").replace("_2", "_wrist_joint"))
+    record = read(log, joints=("left_wrist_pan_joint", "left_elbow_joint"))
+    np.testing.assert_array_equal(record.angles, read(clean()).angles[:, ::-1])
+    with pytest.raises(RecordError, match=r"no column 'angle_1'"):
+        read(log, joints=("wrist_pan_joint", "wrist_tilt_joint"))
+
+
 def test_other_columns_that_may_be_torques_are_named() -> None:
     """Where nobody has said which they are; what was only wished is no measurement."""
     others = {f"{word}{joint}": 0.0 for word in ("tau_motor", "tau_cmd", "tau_model") for joint in (1, 2)}

@@ -155,15 +155,20 @@ def _joints_said(table: Table, joints: Sequence[str], mapping: Mapping[str, str]
 
 
 def _joints_called(names: Iterable[str], joints: Sequence[str]) -> Sequence[str]:
-    """What the log calls the joints: where the robot has but numbers for them, the words beside `angle` and `torque`,
-    in the order of the columns, if there is one for each joint.
+    """What the log calls the joints: the words beside `angle`, one for each joint. Where the robot has but numbers for
+    them, in the order of the columns, if torques have them, too; else those that are part of their names, as `elbow`
+    of `left_elbow_joint`, where no column has a whole one.
     """
-    if not all(joint.isdigit() for joint in joints):
-        return joints
     names = list(names)
-    own, others = (joints_beside(kind, names) for kind in ("angle", "torque"))
-    others = others or joints_beside("current", names)
-    return own if len(own) == len(joints) and set(own) == set(others) else joints
+    own = joints_beside("angle", names)
+    if all(joint.isdigit() for joint in joints):
+        others = joints_beside("torque", names) or joints_beside("current", names)
+        return own if len(own) == len(joints) and set(own) == set(others) else joints
+    if any(_joint_in(tokens_of(name), joints)[0] is not None for name in names):
+        return joints
+    parts = [[word for word in own if {*tokens_of(word)} <= {*tokens_of(joint)}] for joint in joints]
+    words = {part[0] for part in parts if len(part) == 1}
+    return [part[0] for part in parts] if len(words) == len(joints) else joints
 
 
 def joints_beside(kind: str, names: Iterable[str]) -> list[str]:
