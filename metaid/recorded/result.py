@@ -29,7 +29,7 @@ from metaid.recorded.telling.judging import judge_records
 from metaid.recorded.telling.told import RecordedResult
 from metaid.recorded.weak_form.folds import Fold, Span
 from metaid.recorded.weak_form.linear_model import TERMS, LinearModel, model_of
-from metaid.recorded.weak_form.smoothed import Smoothed, smoothed
+from metaid.recorded.weak_form.smoothed import Smoothed, smoothed, smoothed_beside
 
 Log = str | Path | pd.DataFrame
 
@@ -150,7 +150,7 @@ def estimate(
         found = estimate_records(records, model, choices, gains)
         facts = facts_of(found, measured)
         verdict = judge_records(records, found, [fact.text for fact in facts])
-        heard = [replace(smoothed(other), cutoff=found.logs[0].cutoff) for other in others]
+        heard = [smoothed_beside(found.logs, other, found.model) for other in others]
         validation = tuple((own, other.name, _validated(found, own)) for own, other in zip(heard, others, strict=True))
     return RecordedResult(plant.name, records, found, verdict, facts, validation, (*chosen_joints, *plant.repairs))
 

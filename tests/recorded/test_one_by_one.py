@@ -87,9 +87,12 @@ def test_windows_that_are_said_are_those_of_a_log_that_is_read_often_enough(nomi
 def test_what_brakes_bear_is_not_taken_for_what_links_weigh(nominal: Path) -> None:
     """A joint that is held tells little, where it moves in another log; nor is its torque judged, which is said."""
     logs = [log_of(joint, 20, borne=0.5) for joint in range(3)]
-    result = metaid.estimate(logs, nominal, friction=["viscous"])
+    result = metaid.estimate(logs, nominal, friction=["viscous"], validate=log_of(0, 30, borne=0.8))
     assert result.verdict.is_found
     assert result.estimate.held_out.relative < 0.04
+    ((_, _, beside),) = result.validation
+    assert beside.relative < 0.06
+    np.testing.assert_array_equal(beside.of > 0.0, [True, False, False])
     np.testing.assert_allclose(damping_of(result), [0.4, 0.3, 0.2], rtol=0.1)
     assert any(
         "torques of joints that are held in a log and move in another" in each for each in result.verdict.reasons

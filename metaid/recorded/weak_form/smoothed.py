@@ -230,8 +230,22 @@ def smoothed(record: Record) -> Smoothed:
 def smoothed_together(records: Sequence[Record], model: LinearModel) -> tuple[Smoothed, ...]:
     """Logs of one robot on their grids, each with the joints that are held in it and not in all."""
     logs = [smoothed(record) for record in records]
-    held = np.array([model.held(np.ptp(own.coordinates, axis=0)) for own in logs])
+    held = _held(logs, model)
     return tuple(replace(own, held=each & ~held.all(axis=0)) for own, each in zip(logs, held, strict=True))
+
+
+def smoothed_beside(logs: Sequence[Smoothed], record: Record, model: LinearModel) -> Smoothed:
+    """Another log of that robot on its grid, through their filter, with the joints that are held in it and not in all
+    of these `logs`.
+    """
+    own = smoothed(record)
+    (held,) = _held([own], model)
+    return replace(own, cutoff=logs[0].cutoff, held=held & ~_held(logs, model).all(axis=0))
+
+
+def _held(logs: Sequence[Smoothed], model: LinearModel) -> NDArray[np.bool_]:
+    """Which joints are held in which log (nlog x njoint)."""
+    return np.array([model.held(np.ptp(own.coordinates, axis=0)) for own in logs])
 
 
 def _judged(record: Record, times: Array, speeds: Array) -> NDArray[np.bool_]:
