@@ -102,7 +102,7 @@ class Search:
         for number, each in enumerate(candidates):
             with suppress(np.linalg.LinAlgError):
                 solved[number] = each, each.without_each
-        held = yardstick.all_judged(list(solved.values()), candidates[0].model.is_pendulum, STARTS)
+        held = yardstick.all_judged(list(solved.values()), self.first.model.is_pendulum, STARTS)
         found = dict(zip(solved, held, strict=True))
         return [_missed(each, found.get(number)) for number, each in enumerate(candidates)]
 

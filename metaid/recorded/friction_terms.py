@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
 import numpy as np
@@ -17,7 +17,7 @@ from metaid.recorded.weak_form.linear_model import LinearModel
 PRESLIDING = (1e-4, 3e-4, 1e-3, 3e-3)  # rad or m, of all joints alike
 BENT = (2.0, 7.0, 20.0)  # times the speed below which dry friction is cut short, of all joints alike, and the most
 FINER = (0.3, 0.55, 1.0, 1.8, 3.3, 6.0, 10.0)  # times either, of each joint by itself
-Widened = Callable[[NDArray[np.bool_]], LinearModel]
+Further = tuple[str, NDArray[np.bool_], Callable[[NDArray[np.bool_]], LinearModel]]
 
 
 def with_friction(
@@ -39,8 +39,7 @@ def with_friction(
         others = [present.with_model(each) for each in states]
         missed, present = min(zip(search.missed(others), others, strict=True), key=lambda each: each[0].whole)
     while asked is None:
-        tried = [_in_joints(search, present, missed, *each) for each in _further(present.model)]
-        worth = [each for each in tried if each is not None]
+        worth = _worth(search, present, missed, list(_further(present.model)))
         if not worth:
             break
         missed, present = min(worth, key=lambda each: float(np.prod(each[0].shares(missed))))
@@ -53,7 +52,7 @@ def with_friction(
     return present, missed
 
 
-def _further(model: LinearModel) -> Iterator[tuple[str, NDArray[np.bool_], Widened]]:
+def _further(model: LinearModel) -> Iterator[Further]:
     """What may be added to the friction of a model: its name, the joints that lack it (njoint), and the model with it
     in some of them.
     """
@@ -79,33 +78,39 @@ def _with_bent(model: LinearModel, bent: Array, joints: NDArray[np.bool_]) -> Li
     return model.with_bent(np.where(joints, bent, model.sliding.bent))
 
 
-def _in_joints(
-    search: Search, present: Equations, missed: Missed, what: str, lacks: NDArray[np.bool_], widened: Widened
-) -> tuple[Missed, Equations] | None:
-    """With what is added to the friction of all joints, or where that is not worth its while, of those whose own torque
-    is then predicted better by WORTH; None where neither is.
+def _worth(
+    search: Search, present: Equations, missed: Missed, further: Sequence[Further]
+) -> list[tuple[Missed, Equations]]:
+    """What may be added that is worth its while: to the friction of all joints, or where that is not, of those whose
+    own torque is then predicted better by WORTH.
 
     Args:
         search: what is compared.
         present: what is chosen.
         missed: what that leaves.
-        what: is added, in words.
-        lacks: the joints that have it not (njoint).
-        widened: the model with it in some joints.
+        further: what may be added.
     """
     model = present.model
-    other = present.with_model(widened(lacks))
-    found = search.missed([other])[0]
-    gains = lacks & found.gains(missed)
-    for pair in map(list, model.sliding.coupled):  # one motor
-        gains[pair] = gains[pair].any()
-    gains &= lacks
-    if gains.any() and not gains[lacks].all() and not found.is_worth(missed):
-        what = f"{what} of {', '.join(np.array(model.joints)[gains])}"
-        other = present.with_model(widened(gains))
-        found = search.missed([other])[0]
-    search.tried.append((what, found.shares(missed)[0]))
-    return (found, other) if found.is_worth(missed) or found.is_worth(missed, gains) else None
+    others = [present.with_model(widened(lacks)) for _, lacks, widened in further]
+    found = search.missed(others)
+    gaining = [lacks & each.gains(missed) for (_, lacks, _), each in zip(further, found, strict=True)]
+    names, in_some = [what for what, _, _ in further], []
+    for number, ((_, lacks, widened), gains) in enumerate(zip(further, gaining, strict=True)):
+        for pair in map(list, model.sliding.coupled):  # one motor
+            gains[pair] = gains[pair].any()
+        gains &= lacks
+        if gains.any() and not gains[lacks].all() and not found[number].is_worth(missed):
+            names[number] += f" of {', '.join(np.array(model.joints)[gains])}"
+            others[number] = present.with_model(widened(gains))
+            in_some.append(number)
+    for number, each in zip(in_some, search.missed([others[number] for number in in_some]), strict=True):
+        found[number] = each
+    search.tried += [(what, each.shares(missed)[0]) for what, each in zip(names, found, strict=True)]
+    return [
+        (each, other)
+        for each, other, gains in zip(found, others, gaining, strict=True)
+        if each.is_worth(missed) or each.is_worth(missed, gains)
+    ]
 
 
 def _finer(

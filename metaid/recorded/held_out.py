@@ -218,8 +218,8 @@ class Yardstick:
         with_motion: bool = False,
         most: int = MOST_STARTS,
     ) -> list[HeldOut]:
-        """The same of several equations with their solutions. Those that have a model and a delay in common are
-        simulated side by side, which takes little longer than one of them.
+        """The same of several equations with their solutions. Those that have a delay in common, and a model but for
+        its friction, are simulated side by side, which takes little longer than one of them.
         """
         predicted = [self._predicted(*each) for each in candidates]
         alike: dict[tuple[int, float, float], list[tuple[int, Begun]]] = {}
@@ -230,13 +230,14 @@ class Yardstick:
                 own = self.logs[part.log]
                 starts = starts_of(own, part.rows, max(4, most // part.nlog))
                 if len(starts):
-                    key = id(equations.model), equations.delay, round(own.period, 9)  # of one grid but for rounding
-                    begun = Begun(part.fold, own, starts, part.values, part.zeros)
+                    # of one grid but for rounding, and of bodies that are unknown in the same way
+                    key = id(equations.model.dynamics), equations.delay, round(own.period, 9)
+                    begun = Begun(part.fold, equations.model, own, starts, part.values, part.zeros)
                     alike.setdefault(key, []).append((number, begun))
         moved: list[list[Motion]] = [[] for _ in candidates]
         for every in alike.values():
             equations, _ = candidates[every[0][0]]
-            ended = simulated(equations.model, [begun for _, begun in every], equations.delay)
+            ended = simulated([begun for _, begun in every], equations.delay)
             for (number, _), motion in zip(every, ended, strict=True):
                 moved[number].append(motion)
         return [

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.models import Array
+from metaid.models.tree import JointFriction
 from metaid.recorded.weak_form.linear_model import LinearModel
 from metaid.recorded.weak_form.smoothed import Smoothed
 
@@ -22,11 +23,12 @@ LOST = 10.0  # rad or m: an angle that is farther off is off by this
 
 @dataclass(frozen=True)
 class Begun:
-    """Simulations of a fold that begin at rows `starts` of a log, by unknowns (nparam) and zeros of its encoders
-    (njoint).
+    """Simulations of a fold that begin at rows `starts` of a log, by the unknowns (nparam) of a model and zeros of the
+    log's encoders (njoint).
     """
 
     fold: int
+    model: LinearModel
     own: Smoothed
     starts: NDArray[np.intp]
     values: Array
@@ -67,32 +69,32 @@ def starts_of(own: Smoothed, which: NDArray[np.bool_], most: int) -> NDArray[np.
     return np.asarray(rows[chosen], dtype=np.intp)
 
 
-def simulated(model: LinearModel, begun: Sequence[Begun], delay: float) -> list[Motion]:
+def simulated(begun: Sequence[Begun], delay: float) -> list[Motion]:
     """How each of several simulations ends, all of them side by side.
 
     Args:
-        model: what is unknown.
-        begun: what is simulated, on grids of the same period.
+        begun: what is simulated, on grids of the same period, by models that differ in their friction alone.
         delay: by which torques act later than they are logged, in s.
     """
-    n, nbody, period = model.njoint, model.nbody, begun[0].own.period
+    model, period = begun[0].model, begun[0].own.period
+    n, nbody = model.njoint, model.nbody
     fine = max(1, int(np.ceil(period / STEP)))
     step, steps = period / fine, _reach(period)
     sizes = [len(each.starts) for each in begun]
     sent = np.concatenate([each.sent(delay) for each in begun])
     zeros = np.repeat([each.zeros for each in begun], sizes, axis=0)
-    values = np.repeat([each.values for each in begun], sizes, axis=0)
+    bodies = np.repeat([each.values[:nbody] for each in begun], sizes, axis=0)
     angles = np.concatenate([each.own.coordinates[each.starts] for each in begun]) + zeros
     speeds = np.concatenate([each.own.speeds[each.starts] for each in begun])
-    sliding = np.concatenate([each.own.states(model)[each.starts] for each in begun])
+    sliding = np.concatenate([each.own.states(each.model)[each.starts] for each in begun])
     seen = np.concatenate([each.own.coordinates[each.starts + steps] for each in begun]) + zeros
     constant = angles + steps * period * speeds - seen
-    bodies, rubbing = values[:, :nbody], model.friction_at(values)
+    rubbing = JointFriction.beside([each.model.friction_at(each.values) for each in begun], sizes)
     dynamics, rest = model.dynamics(bodies), np.zeros_like(speeds)
     spun = rubbing.mass_matrix
 
     def friction(speeds: Array, rigid: Array) -> Array:
-        return rubbing.torque(speeds, rest, rigid, model.sliding.after(sliding, speeds, step))
+        return rubbing.torque(speeds, rest, rigid, rubbing.sliding.after(sliding, speeds, step))
 
     def resisting(before: Array, after: Array, present: Array, rigid: Array) -> Array:
         """How friction at the end of a step grows with the speeds there (nstart x njoint): linear between those at both
@@ -125,7 +127,7 @@ def simulated(model: LinearModel, begun: Sequence[Begun], delay: float) -> list[
     with np.errstate(all="ignore"):
         for torques in sent.swapaxes(0, 1):
             # without accelerations, so that nothing chatters
-            rigid = dynamics(angles, speeds)[1] if "load" in model.friction else rest
+            rigid = dynamics(angles, speeds)[1] if "load" in rubbing.terms else rest
             for _ in range(fine):
                 present = friction(speeds, rigid)
                 left = torques - present
@@ -133,7 +135,7 @@ def simulated(model: LinearModel, begun: Sequence[Begun], delay: float) -> list[
                 half = angles + 0.5 * step * speeds, speeds + 0.5 * step * faster
                 faster = rate(*half, left, resisting(speeds, speeds + step * faster, present, rigid))
                 after = speeds + step * faster
-                sliding = model.sliding.after(sliding, 0.5 * (speeds + after), step)
+                sliding = rubbing.sliding.after(sliding, 0.5 * (speeds + after), step)
                 angles, speeds = angles + 0.5 * step * (speeds + after), after
         missed = np.nan_to_num(angles - seen, nan=LOST, posinf=LOST, neginf=-LOST)
     edges = np.cumsum(sizes)[:-1]

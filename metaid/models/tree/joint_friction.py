@@ -8,7 +8,7 @@ and 67.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,7 +40,7 @@ def friction_torque(term: str, speeds: Array, sliding: Array, rigid: Array) -> A
 @dataclass(frozen=True)
 class Sliding:
     """How the state of dry friction, −1 to 1, follows the motion of the motors: those of each joint, then those of each
-    coupled pair (nmotor).
+    coupled pair (nmotor). Of several robots side by side a row each.
 
     Attributes:
         presliding: displacement over which dry friction builds up (njoint), in rad or m; 0 where it follows the speed.
@@ -62,7 +62,7 @@ class Sliding:
 
     @property
     def njoint(self) -> int:
-        return len(self.still)
+        return int(self.still.shape[-1])
 
     @property
     def nmotor(self) -> int:
@@ -157,6 +157,21 @@ class JointFriction:
     def simple(cls, viscous: Array, coulomb: Array, still: Array) -> JointFriction:
         """Viscous and dry friction (njoint each) alone, no motor coupled."""
         return cls(Sliding.at_once(still), {"viscous": viscous, "coulomb": coulomb}, np.zeros(0))
+
+    @classmethod
+    def beside(cls, robots: Sequence[JointFriction], counts: Sequence[int]) -> JointFriction:
+        """That of several robots with the same motors, of each so many times one after the other (nrow x nmotor)."""
+        slidings = [each.sliding for each in robots]
+
+        def rows(every: Sequence[Array]) -> Array:
+            return np.repeat(every, counts, axis=0)
+
+        presliding, still, bent = (
+            rows([getattr(each, name) for each in slidings]) for name in ("presliding", "still", "bent")
+        )
+        terms = {term: rows([each.of(term) for each in robots]) for each in robots for term in each.terms}
+        sliding = Sliding(presliding, still, bent, slidings[0].coupled)
+        return cls(sliding, terms, rows([each.coupled_rotor for each in robots]))
 
     def of(self, term: str) -> Array:
         """A term of each motor (nmotor)."""
