@@ -54,6 +54,18 @@ def arrays_of(log: pd.DataFrame) -> dict[str, np.ndarray]:
     }
 
 
+def test_columns_of_a_frame_that_are_twice_are_read_once() -> None:
+    """As where parts have been put side by side, each with its time, and an index beside a column of its name; with
+    other cells they are refused.
+    """
+    log = clean()
+    usual, times = read(log), log["time"]
+    for frame in (pd.concat([log, times], axis="columns"), log.set_index(times.rename("time"))):
+        np.testing.assert_array_equal(read(frame).torques, usual.torques)
+    with pytest.raises(RecordError, match=r"frame 1: several columns are called 'time' \(allowed: one of each name\)"):
+        read(pd.concat([log, times + 1.0], axis="columns"))
+
+
 @pytest.mark.parametrize("ending", ["mat", "npz", "json"])
 def test_matrix_is_read_by_the_names_of_its_columns(ending: str, tmp_path: Path) -> None:
     """Which stand beside it as words, as those of a frame that pandas has split."""

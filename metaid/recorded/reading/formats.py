@@ -95,9 +95,19 @@ def tables_of(log: str | Path | pd.DataFrame, number: int, topic: str | None) ->
 
 
 def _of_frame(name: str, frame: pd.DataFrame) -> Table:
-    if frame.index.name is not None or isinstance(frame.index, pd.DatetimeIndex):
-        frame = frame.rename_axis(str(frame.index.name or "time")).reset_index()
+    """A frame with its index as a column; of columns with one name and the same cells the first is kept.  Raises
+    RecordError where their cells differ.
+    """
+    index = str(frame.index.name or "time")
+    if (frame.index.name is not None or isinstance(frame.index, pd.DatetimeIndex)) and index not in frame.columns:
+        frame = frame.rename_axis(index).reset_index()
     frame = frame.set_axis([_flat(column) for column in frame.columns], axis="columns")
+    again = frame.columns.duplicated()
+    for column in frame.columns[again]:
+        first, *others = (each for _, each in frame[column].items())
+        if not all(first.equals(other) for other in others):
+            raise RecordError(f"{name}: several columns are called '{column}' (allowed: one of each name)")
+    frame = frame.loc[:, ~again]
     return Table(name, tuple(frame.columns), lambda columns: frame[list(columns)])
 
 
