@@ -10,12 +10,13 @@ from tests.clean_logs import clean, kinds, read
 
 
 def test_rows_without_a_number_are_left_out_and_counted() -> None:
-    """Empty cells, words and infinity, in any column."""
+    """Empty cells, words and infinity, in any column, and times that no clock says."""
     log = clean().astype({"torque_2": object})
     log.loc[17, "angle_1"], log.loc[40, "torque_2"], log.loc[41, "speed_1"] = np.nan, "lost", np.inf
+    log.loc[60, "time"] = -1e30
     record = read(log)
-    assert len(record.times) == len(log) - 3
-    assert record.repairs[0].text == "3 rows without a number left out, the first row 18: angle_1"
+    assert len(record.times) == len(log) - 4
+    assert record.repairs[0].text == "4 rows without a number left out, the first row 18: angle_1"
 
 
 def test_rows_that_a_recorder_wrote_before_it_had_readings_are_left_out() -> None:

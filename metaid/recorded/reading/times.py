@@ -23,6 +23,7 @@ SPELLED = {
 }
 FASTEST, SLOWEST = 1e-4, 0.1  # s between two rows of a log of a robot: 10 kHz to 10 Hz
 NEARLY = 1.05  # of these: clocks are not exact
+NO_TIME = 1e20  # in any unit: what no clock says
 AGAIN = 1.0  # s: a time that falls back by more begins another run
 
 
@@ -46,7 +47,7 @@ def numeric_times(columns: Sequence[pd.Series]) -> Array:
     if len(cells) and pd.api.types.is_integer_dtype(cells):
         cells = cells - cells.iloc[0]
     times = np.asarray(cells.to_numpy(dtype=np.float64, na_value=np.nan), dtype=np.float64)
-    return np.where(np.isfinite(times), times, np.nan)
+    return np.where(np.abs(times) < NO_TIME, times, np.nan)
 
 
 def in_seconds(readings: Record, said: str | None = None) -> Record:
