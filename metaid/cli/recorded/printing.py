@@ -76,7 +76,7 @@ def _print_held_out(shown: dict[str, Any], result: RecordedResult) -> None:
         f"friction: {', '.join(read['terms']) or 'none'}"
         + (f"; torques {1e3 * shown['delay']:.3g} ms late" if shown["delay"] else "")
     )
-    title = f"{shown['name']}: {shown['plant']}, what was left out"
+    title = f"{f'{len(logs)} logs' if len(logs) > 1 else shown['name']}: {shown['plant']}, what was left out"
     print_table(title, columns, rows, note, dispensable=["still going", "of", "nominal"])
     if len(shown["validation"]) > AS_COLUMNS:
         _print_validation(shown["validation"])
