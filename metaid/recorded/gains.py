@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 from metaid.errors import RecordError
 from metaid.models import COARSEST, DEVIATIONS, Array
 from metaid.models.tree import Tree, torque_regressor
-from metaid.recorded.weak_form.equations import Equations, Part, first_equations
+from metaid.recorded.weak_form.equations import Equations, first_equations
 from metaid.recorded.weak_form.folds import THIRDS
 from metaid.recorded.weak_form.linear_model import LinearModel
 from metaid.recorded.weak_form.normal import FLAT, eliminated_covariance
+from metaid.recorded.weak_form.parts import Part, loads_of
 from metaid.recorded.weak_form.smoothed import Smoothed
 
 FRICTION = ("viscous", "coulomb", "root", "offset")
@@ -151,8 +152,9 @@ def _columns(
         payload: that it carries; None where there is none.
         shapes: mass and place of all payloads.
     """
-    windows = part.windows
-    bodies, friction = np.split(part.rows(model, model.nominal, np.zeros(model.njoint)), [model.nbody], axis=-1)
+    windows, zeros = part.windows, np.zeros((part.log + 1, model.njoint))
+    (load,) = loads_of([part], model, model.nominal, zeros)
+    bodies, friction = np.split(part.rows(model, load, zeros[-1]), [model.nbody], axis=-1)
     empty = np.zeros_like(friction)
     own = np.zeros((*friction.shape[:-1], len(shapes), FIRST))
     if payload is not None:

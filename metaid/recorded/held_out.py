@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from metaid.models import Array
 from metaid.recorded.motion import AHEAD, Begun, Motion, simulated, starts_of
-from metaid.recorded.weak_form.equations import SHIFT, Equations, Solution
+from metaid.recorded.weak_form.equations import Equations, Solution
 from metaid.recorded.weak_form.folds import Fold
 from metaid.recorded.weak_form.linear_model import LinearModel
 from metaid.recorded.weak_form.normal import ZERO
+from metaid.recorded.weak_form.parts import SHIFT
 from metaid.recorded.weak_form.smoothed import Smoothed
 
 MOST_STARTS = 60  # of simulations a fold

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.models import Array
-from metaid.recorded.weak_form.equations import Equations, Part
+from metaid.recorded.weak_form.equations import Equations
 from metaid.recorded.weak_form.linear_model import LinearModel
+from metaid.recorded.weak_form.parts import Part
 
 KNOWN = 4.0  # deviations from nothing: a factor that is less sure is not known
 UNIT = 5.0  # a scale of a joint's torques that is farther from the others' is another unit

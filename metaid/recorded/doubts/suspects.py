@@ -14,9 +14,10 @@ import numpy as np
 
 from metaid.models import Array
 from metaid.models.tree import PARAMETERS, ArmPrior, Tree, body_torque, misplaced
-from metaid.recorded.weak_form.equations import Equations, Part
+from metaid.recorded.weak_form.equations import Equations
 from metaid.recorded.weak_form.linear_model import RIGID
 from metaid.recorded.weak_form.normal import eliminated_covariance
+from metaid.recorded.weak_form.parts import Part
 
 SIGNIFICANT = 4.0  # standard deviations from nothing: the verdict names it
 WORTH = 0.001  # of the torque that it must explain to be named

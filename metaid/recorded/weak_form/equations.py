@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.models import Array
-from metaid.recorded.reading.readings import Record
 from metaid.recorded.weak_form.folds import THIRDS, Fold
 from metaid.recorded.weak_form.linear_model import LinearModel
 from metaid.recorded.weak_form.normal import (
@@ -25,6 +24,7 @@ from metaid.recorded.weak_form.normal import (
     eliminated_covariance,
     prior_of,
 )
+from metaid.recorded.weak_form.parts import Part, loads_of
 from metaid.recorded.weak_form.smoothed import Smoothed
 from metaid.recorded.weak_form.windows import Windows, cut_windows
 
@@ -32,77 +32,8 @@ LASTS = 0.3  # s: how long an error of the model lasts at least
 ROUNDS = 3  # of the covariance across joints
 PASSES = 3  # of Newton's steps for zeros and for the friction that grows with load
 LEAST = 1e-9  # of the largest torque, that any joint's error is at least: rounding
-CHUNK = 2_000_000  # numbers at nodes that are made at a time
 PASSIVE, LEAST_PASSIVE = 0.1, 1e-3  # of the terms that cancel in a joint without a motor: its error, and the least
 UNTRUSTED = 1e12  # times the largest torque, squared: the variance of one that is not trusted
-SHIFT = 1e-5  # rad or m, for derivatives by a zero
-
-
-@dataclass(frozen=True)
-class Part:
-    """The windows of one log.
-
-    Attributes:
-        log: which of the logs.
-        record: the log.
-        windows: of it.
-        smoothed: its angles on a regular grid, from which the state of dry friction follows.
-    """
-
-    log: int
-    record: Record
-    windows: Windows
-    smoothed: Smoothed
-
-    def rows(self, model: LinearModel, bodies: Array, zeros: Array) -> Array:
-        """The averaged torque for a unit of each unknown (nwindow x ntest x njoint x nparam), friction that grows with
-        load by the torque of `bodies` (nbody).  Eq. 65.
-        """
-        averaged, rigid = self._averaged(model, bodies, zeros)
-        windows = self.windows
-        friction = model.friction_columns(windows.speeds, windows.accelerations, self.sliding(model), rigid)
-        rows: Array = self.smoothed.share[:, None] * np.concatenate([averaged, windows.averaged(friction)], axis=-1)
-        return rows
-
-    def torques(self, delay: float) -> Array:
-        """The averaged torques (nwindow x ntest x njoint), in N m or N, `delay` in s later than they are logged."""
-        return self.windows.torques(self.record, delay) * self.smoothed.share
-
-    def _averaged(self, model: LinearModel, bodies: Array, zeros: Array) -> tuple[Array, Array]:
-        """The averaged torque for a unit of each of the bodies' unknowns (nwindow x ntest x njoint x nbody), kept for
-        the first zeros and the last; and the torque of `bodies` (nbody) at nodes (nwindow x nnode x njoint), 0 where no
-        friction grows with it. What is at all nodes for each unknown would not fit into memory.
-        """
-        windows, kept, key = self.windows, self.windows.kept, (model.bodies, zeros.tobytes())
-        count = -(-windows.speeds.size * model.nbody // CHUNK)
-        chunks = [windows.only(own) for own in np.array_split(np.arange(len(windows)), count)]
-        if key not in kept:
-            if len(kept) > 1:
-                kept.popitem()
-            rows = (model.bodies(own.coordinates + zeros, own.speeds, own.accelerations) for own in chunks)
-            kept[key] = np.concatenate([own.averaged(each) for own, each in zip(chunks, rows, strict=True)])
-        if "load" not in model.friction:
-            return kept[key], np.zeros(windows.speeds.shape)
-        rigid = (model.rigid(bodies, own.coordinates + zeros, own.speeds, own.accelerations) for own in chunks)
-        return kept[key], np.concatenate(list(rigid))
-
-    def whole(self, model: LinearModel, bodies: Array, torques: Array) -> Array:
-        """What errors of averaged `torques` (nwindow x ntest x njoint) are shares of, squared, by bodies (nbody)."""
-        return model.whole(torques, bodies, lambda: self._averaged(model, bodies, np.zeros(model.njoint))[0])
-
-    def sliding(self, model: LinearModel) -> Array:
-        """The state of dry friction at nodes (nwindow x nnode x nmotor)."""
-        if not model.sliding.builds_up:
-            return model.sliding.at(self.windows.speeds)
-        return self.smoothed.sliding(model, self.windows.times)
-
-    def zero_columns(self, model: LinearModel, bodies: Array, zeros: Array) -> Array:
-        """How the averaged torque of `bodies` (nbody) changes with each zero (nwindow x ntest x njoint x njoint)."""
-        windows, n = self.windows.thinned(4), model.njoint
-        shifts = SHIFT * np.vstack([np.zeros(n), np.eye(n)])
-        moved = windows.coordinates + (zeros + shifts)[:, None, None]
-        usual, *others = map(windows.averaged, model.rigid(bodies, moved, windows.speeds, windows.accelerations))
-        return np.stack([(each - usual) / SHIFT for each in others], axis=-1)
 
 
 @dataclass(frozen=True)
@@ -199,7 +130,8 @@ class Equations:
         covariance, floor = self._without_untrusted(np.diag(usual), largest), np.diag(least)
         passes = PASSES if self.zeros or "load" in model.friction else 1
         for step in range(passes):
-            rows = [self._rows(part, bodies, zeros[part.log], step > 0) for part in self.parts]
+            loads = loads_of(self.parts, model, bodies, zeros)
+            rows = [self._rows(*each, bodies, zeros, step > 0) for each in zip(self.parts, loads, strict=True)]
             prior = prior_of(model, rows, every, self.scale)
             for _ in range(ROUNDS):
                 weight = np.asarray(np.linalg.inv(covariance + floor), dtype=np.float64)
@@ -304,11 +236,11 @@ class Equations:
         mean[: self.model.nbody] = self.scale * self.model.nominal
         return mean
 
-    def _rows(self, part: Part, bodies: Array, zeros: Array, with_zeros: bool) -> Array:
-        model = self.model
-        rows = part.rows(model, bodies, zeros)
+    def _rows(self, part: Part, load: Array, bodies: Array, zeros: Array, with_zeros: bool) -> Array:
+        model, own_zeros = self.model, zeros[part.log]
+        rows = part.rows(model, load, own_zeros)
         columns = (
-            part.zero_columns(model, bodies, zeros)
+            part.zero_columns(model, bodies, own_zeros)
             if with_zeros and self.zeros
             else np.zeros((*rows.shape[:-1], model.njoint))
         )
