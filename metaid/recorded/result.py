@@ -81,8 +81,8 @@ def estimate(
         window: length of the windows, in s; by default what predicts best what is left out, as the next two are.
         delay: by which torques act later than they are logged, in s.
         zeros: whether encoders have zeros of their own in each log.
-        columns: what columns of the logs mean that are not understood: `{"encoder a": "angle_1"}`; or how the logs call
-            a joint: `{"shldr": "shoulder"}`; of logs without names of columns what all mean in their order,
+        columns: what columns of the logs mean that are not understood: `{"encoder a": "angle_1"}`; how they call a
+            joint, as `{"shldr": "shoulder"}`; of logs without names of columns what all mean in their order,
             `{"column": "time,angle,speed,torque"}`.
         topic: of joint states in bags that have several.
         rate: rows a second of logs without times.
