@@ -15,6 +15,7 @@ from rich.console import Console, RenderableType
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from metaid.compiled import is_compiling
 from metaid.errors import printable
 from metaid.models import Array
 from metaid.search import SAMPLERS
@@ -130,5 +131,6 @@ class _Bar(Progress):
     def get_renderables(self) -> Iterable[RenderableType]:
         """The bar, the state of its one task, and what is below."""
         yield self.make_tasks_table(self.tasks)
-        yield from (str(task.fields["state"]) for task in self.tasks)
+        compiling = "compiling, the first time on this machine" if is_compiling() else None
+        yield from (compiling or str(task.fields["state"]) for task in self.tasks)
         yield self._below()

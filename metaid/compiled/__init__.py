@@ -4,7 +4,7 @@
 """
 
 from metaid.compiled.arm_push import ArmPush, push_arm
-from metaid.compiled.decorator import compiled, fused
+from metaid.compiled.decorator import compiled, fused, is_compiling
 from metaid.compiled.fastest import agrees_with_stepwise, fastest_loop
 from metaid.compiled.faulty_loop import FaultyLoop
 from metaid.compiled.kalman import (

@@ -28,6 +28,7 @@ from typing import Any
 import llvmlite
 import numba
 from numba import types
+from numba.core import event
 from numba.extending import typeof_impl
 
 from metaid.errors import MetaidError, usable_mujoco
@@ -97,6 +98,27 @@ def _kept(function: Callable[..., Any], compiler: Callable[..., Any], within: st
             return compiler(cache=True)(function)
         finally:
             numba.config.CACHE_DIR = before  # type: ignore[attr-defined]
+
+
+class _Compiling(event.Listener):
+    """Counts the functions that are compiled now, one within the other or in threads."""
+
+    now = 0
+
+    def on_start(self, _: event.Event) -> None:
+        self.now += 1
+
+    def on_end(self, _: event.Event) -> None:
+        self.now -= 1
+
+
+_compiling = _Compiling()
+event.register("numba:compile", _compiling)  # type: ignore[no-untyped-call]
+
+
+def is_compiling() -> bool:
+    """Whether machine code is made now that is not on the disk yet: of all loops that takes up to a minute."""
+    return _compiling.now > 0
 
 
 compiled = Compiled

@@ -10,6 +10,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import numba
 import pytest
 from conftest import Finished
 from rich.console import Console
@@ -65,6 +66,20 @@ def test_elsewhere_plain_lines_at_intervals(metaid: Metaid, monkeypatch: pytest.
     assert "falls, best" in lines[-1]
     assert "\x1b" not in written.getvalue()
     assert written.getvalue().splitlines() == lines
+
+
+def test_terminal_says_that_loops_are_compiled(metaid: Metaid) -> None:
+    """Which takes half a minute the first time, and nothing else moves meanwhile."""
+    metaid("study", "create", "three-link-coast")
+    store, written = Store("metaid.db"), io.StringIO()
+    with live.Live(store, "three-link-coast", False, Console(file=written, force_terminal=True, width=100)) as shown:
+        for number in range(100):
+            numba.njit(lambda x, shift=number: x + shift)(1.0)
+            if "compiling" in written.getvalue():
+                break
+    store.close()
+    assert "compiling, the first time on this machine" in written.getvalue()
+    assert shown.trials == 0
 
 
 def test_output_error_shows_the_largest_deviation_of_a_lump(metaid: Metaid, monkeypatch: pytest.MonkeyPatch) -> None:
