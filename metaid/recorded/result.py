@@ -25,6 +25,7 @@ from metaid.recorded.held_out import HeldOut, Yardstick
 from metaid.recorded.reading.log import Intake, every_run
 from metaid.recorded.reading.readings import Record
 from metaid.recorded.reading.stretches import Stretches, refuse_unknown, without
+from metaid.recorded.telling.given import Given
 from metaid.recorded.telling.judging import judge_records
 from metaid.recorded.telling.told import RecordedResult
 from metaid.recorded.weak_form.folds import Fold, Span
@@ -118,6 +119,7 @@ def estimate(
     factors = _by_joint("scale", scale or {}, model, 1.0)
     offsets = _by_joint("zero", zero or {}, model, 0.0)
     signs = np.where(_by_joint("reversed", dict.fromkeys(reversed, 1.0), model, 0.0) > 0.0, -1.0, 1.0)
+    given = Given(model.joints, factors, offsets, signs)
     places = _places(order, model.joints)
     read_as = np.argsort(places)
     slides, untrusted_read, endless = (each[read_as] for each in (model.slides, model.untrusted, model.endless))
@@ -150,6 +152,8 @@ def estimate(
         found = estimate_records(records, model, choices, gains)
         facts = facts_of(found, measured)
         verdict = judge_records(records, found, [fact.text for fact in facts])
+        verdict = replace(verdict, reasons=tuple(map(given.whole, verdict.reasons)))
+        facts = tuple(replace(each, text=given.whole(each.text), option=given.whole(each.option)) for each in facts)
         heard = [smoothed_beside(found.logs, other, found.model) for other in others]
         validation = tuple((own, other.name, _validated(found, own)) for own, other in zip(heard, others, strict=True))
     return RecordedResult(plant.name, records, found, verdict, facts, validation, (*chosen_joints, *plant.repairs))

@@ -7,6 +7,7 @@ import runpy
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -189,6 +190,24 @@ def test_log_of_another_robot_is_not_found(metaid: Metaid, rig: Path) -> None:
     assert (done.status, shown["verdict"]) == (3, "not found")
     assert any("the torque of joint 2 has the opposite sign: --scale 2=-1" in each for each in shown["reasons"])
     assert not Path("m.xml").exists()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("given", "mended"),
+    [
+        ({"scale": {"2": -1.0}}, "--scale 2=1"),
+        ({"zero": {"1": 1.5708, "2": 0.01}}, "--zero 1=0.0000"),
+        ({"zero": {"1": 3.1416, "2": 0.01}}, "--zero 1=0.0000"),
+        ({"reversed": ["2"]}, "no --reversed 2"),
+    ],
+)
+def test_what_mends_a_log_is_said_beside_what_was_said_of_it(rig: Path, given: dict[str, Any], mended: str) -> None:
+    """Whoever says something wrong of a log is told the whole of what is right."""
+    found = estimate(rig / "log.csv", rig / "believed.toml", friction=["viscous"], **given)
+    assert not found.verdict.is_found
+    assert any(reason.endswith(mended) for reason in found.verdict.reasons)
+    assert mended in [fact.option for fact in found.facts]
 
 
 @pytest.mark.slow
