@@ -144,7 +144,7 @@ def _joints_said(table: Table, joints: Sequence[str], mapping: Mapping[str, str]
     """
     said, others = list(joints), {}
     for own, meaning in mapping.items():
-        number = meaning if meaning.isdigit() and meaning not in joints else ""
+        number = meaning if meaning.isdecimal() and meaning not in joints else ""
         if meaning not in joints and not 1 <= int(number or 0) <= len(joints):
             others[own] = meaning
         elif any(_without(tokens_of(column), tokens_of(own)) for column in table.columns):
