@@ -13,7 +13,6 @@ from threadpoolctl import threadpool_limits
 
 from metaid.errors import BranchesError, RecordError, unknown
 from metaid.files import shipped_logs
-from metaid.models import Array
 from metaid.plant import ArmPlant, MujocoPlant, load_plant
 from metaid.recorded.absolute import Absolute, absolute_of
 from metaid.recorded.branches import joints_named
@@ -21,11 +20,11 @@ from metaid.recorded.choosing import Choices, usual_still
 from metaid.recorded.doubts.checks import facts_of
 from metaid.recorded.estimating import RecordedEstimate, estimate_records
 from metaid.recorded.gains import Gains, Payload, drive_gains
+from metaid.recorded.given import Given
 from metaid.recorded.held_out import HeldOut, Yardstick
 from metaid.recorded.reading.log import Intake, every_run
 from metaid.recorded.reading.readings import Record
 from metaid.recorded.reading.stretches import Stretches, refuse_unknown, without
-from metaid.recorded.telling.given import Given
 from metaid.recorded.telling.judging import judge_records
 from metaid.recorded.telling.told import RecordedResult
 from metaid.recorded.weak_form.folds import Fold, Span
@@ -116,10 +115,12 @@ def estimate(
     if not many:
         raise RecordError(f"no log{' without a payload' if payloads else ''} (allowed: one or more)")
     _refuse_beside(measured, {"law": law is not None, "payload": bool(payloads), "untrusted": bool(untrusted)})
-    factors = _by_joint("scale", scale or {}, model, 1.0)
-    offsets = _by_joint("zero", zero or {}, model, 0.0)
-    signs = np.where(_by_joint("reversed", dict.fromkeys(reversed, 1.0), model, 0.0) > 0.0, -1.0, 1.0)
-    given = Given(model.joints, factors, offsets, signs)
+    given = Given(
+        model.joints,
+        _by_joint("scale", scale or {}, model, 1.0),
+        _by_joint("zero", zero or {}, model, 0.0),
+        np.where(_by_joint("reversed", dict.fromkeys(reversed, 1.0), model, 0.0) > 0.0, -1.0, 1.0),
+    )
     places = _places(order, model.joints)
     read_as = np.argsort(places)
     slides, untrusted_read, endless = (each[read_as] for each in (model.slides, model.untrusted, model.endless))
@@ -134,7 +135,7 @@ def estimate(
                     f"law {law} is of {compensated.njoint} joints (allowed: {plant.njoint}, as {plant.name} has)"
                 )
             found = tuple(_compensated(record, compensated) for record in found)
-        return tuple(measured.record(_as_meant(record, offsets, factors, signs)) for record in found)
+        return tuple(measured.record(given.meant(record)) for record in found)
 
     held_out = _with_shipped(validate)
     records, others = read(many, 1), read(held_out, len(many) + 1)
@@ -173,15 +174,6 @@ def _plant_of(
             raise
     text = f"joints that logs name move, the others are held: {', '.join(named)} (--joints A,B of those that move)"
     return load_plant(nominal, named), (text,)
-
-
-def _as_meant(record: Record, offsets: Array, factors: Array, signs: Array) -> Record:
-    """A log with `offsets` that are added to its angles (njoint), `factors` of its torques and `signs` of all three
-    kinds (njoint each).
-    """
-    speeds = None if record.speeds is None else record.speeds * signs
-    angles, torques = (record.angles + offsets) * signs, record.torques * factors * signs
-    return replace(record, angles=angles, speeds=speeds, torques=torques)
 
 
 def _rate(rate: float | None) -> float | None:

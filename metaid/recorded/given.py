@@ -1,13 +1,14 @@
-"""Advice beside what a user has said of the logs already: an option says the whole of what is to be given."""
+"""What a user says of logs: how they are meant, and advice beside it, whose options say the whole of what to give."""
 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from metaid.models import Array
+from metaid.recorded.reading.readings import Record
 
 
 @dataclass(frozen=True)
@@ -16,9 +17,9 @@ class Given:
 
     Attributes:
         joints: their names (njoint).
-        scale: what torques were multiplied with (njoint).
-        zero: what was added to angles (njoint), in rad or m.
-        signs: −1 of joints that count the other way, else 1 (njoint).
+        scale: what torques are multiplied with (njoint).
+        zero: what is added to angles (njoint), in rad or m.
+        signs: −1 of joints that count the other way, all three kinds of them, else 1 (njoint).
     """
 
     joints: tuple[str, ...]
@@ -26,8 +27,14 @@ class Given:
     zero: Array
     signs: Array
 
+    def meant(self, record: Record) -> Record:
+        """A log as it is meant."""
+        speeds = None if record.speeds is None else record.speeds * self.signs
+        angles, torques = (record.angles + self.zero) * self.signs, record.torques * self.scale * self.signs
+        return replace(record, angles=angles, speeds=speeds, torques=torques)
+
     def whole(self, text: str) -> str:
-        """A text whose `--scale`, `--zero` and `--reversed` mend logs as they were read, with those that mend them as
+        """A text whose `--scale`, `--zero` and `--reversed` mend logs as they are meant, with those that mend them as
         they are.
         """
         names = "|".join(map(re.escape, sorted((*self.joints, "all"), key=len, reverse=True)))
