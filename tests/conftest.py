@@ -200,6 +200,13 @@ def metaid(
     return run
 
 
+@pytest.fixture
+def few_candidates(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Figures of a study are of few candidates along a line and over a plane: for tests of what there is on a page."""
+    monkeypatch.setattr("metaid.show.figures.gallery.SWEPT", 7)
+    monkeypatch.setattr("metaid.show.figures.gallery.GRID", 6)
+
+
 @pytest.fixture(scope="session")
 def studied(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A DB of real runs, not to be changed: `plain` (three links, some falls), `boundary` (two links, half of them

@@ -102,6 +102,7 @@ def run_command(metaid: Metaid, command: str) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_candidates")
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
 def test_every_block_runs(
     metaid: Metaid, monkeypatch: pytest.MonkeyPatch, document: Path, rigs: list[subprocess.Popen[str]]
@@ -203,6 +204,7 @@ def commands_of_documents() -> set[str]:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_candidates")
 @pytest.mark.parametrize("command", list(commands()), ids=" ".join)
 def test_help_fits_a_screen_and_its_example_runs(
     metaid: Metaid, three_link: Path, monkeypatch: pytest.MonkeyPatch, command: tuple[str, ...]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import runpy
-import time
 from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
@@ -111,6 +110,7 @@ def test_films_are_of_the_lumps_that_their_studies_find_now(
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_candidates")
 def test_pictures_of_pages_say_what_the_pages_say_now(
     pictures: dict[str, Any],
     record: dict[str, Any],
@@ -123,7 +123,7 @@ def test_pictures_of_pages_say_what_the_pages_say_now(
     """The beginning of a report, and the note on the dashboard."""
     monkeypatch.chdir(place)
     monkeypatch.setitem(names, "open_browser", lambda profile: nullcontext(browser))  # one runs already
-    # What a page looks like is not compared here: nobody waits until all of the dashboard is drawn.
-    monkeypatch.setitem(names, "time", SimpleNamespace(sleep=lambda seconds: time.sleep(min(seconds, 1.0))))
+    # What a page looks like is not compared here: nobody waits until all of it is drawn.
+    monkeypatch.setitem(names, "time", SimpleNamespace(sleep=lambda seconds: None))
     why = {name: pictures["stale"](name, said, None, record) for name, said in pictures["pages"](tmp_path)}
     assert {name: reason for name, reason in why.items() if reason} == {}
