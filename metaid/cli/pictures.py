@@ -58,11 +58,12 @@ def plot(name: str, storage: str, folder: Path, ending: str, width: str, over: t
     from metaid.show.figures import Gallery, save
 
     with open_store(storage) as store:
-        shown = list(Gallery(read_findings(store, name), over).pictures(width))
-    try:
-        folder.mkdir(exist_ok=True)
-    except OSError as problem:
-        raise MetaidError(f"{folder}: {problem.strerror}") from None
+        gallery = Gallery(read_findings(store, name), over)
+        try:
+            folder.mkdir(exist_ok=True)
+        except OSError as problem:
+            raise MetaidError(f"{folder}: {problem.strerror}") from None
+        shown = list(gallery.pictures(width))
     for picture in shown:
         with whole_file(folder / f"{picture.name}.{ending}", FIGURE_SUFFIXES) as partial:
             save(picture.figure, partial)
