@@ -16,7 +16,7 @@ import metaid as package
 from metaid import figures
 from metaid.show import dashboard, report
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("few_candidates")]
 
 UNEXPLAINED = "the model does not explain what was seen"
 

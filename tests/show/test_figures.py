@@ -24,6 +24,8 @@ from metaid.episode import run_stepwise
 from metaid.errors import StorageError
 from metaid.results import Findings, plane, sweep
 
+pytestmark = pytest.mark.usefixtures("few_candidates")
+
 Metaid = Callable[..., Finished]
 FILES = {"convergence", "factors", "ranges", "frequency", "boundary", "parallel", "correlation", "episode", "tracking"}
 FILES |= {"estimate-motion", "estimate-residuals", "estimate-correlation", "estimate-trials"}
