@@ -161,7 +161,7 @@ def test_shipped_study_identifies_the_full_dynamics(tmp_path: Path) -> None:
 def test_a_push_coasts_with_the_identified_friction_and_not_without(tmp_path: Path) -> None:
     """cmaes finds the friction of a damped chain, from a nominal model wrong by 30 %, in plain coordinates too."""
     store = Store(str(tmp_path / "metaid.db"), create=True)
-    changes = {"sampler": "cmaes", "trials": 1800, "search.lumps": [*IDEAL, "damping"], **TRIALS_ALONE}
+    changes = {"sampler": "cmaes", "trials": 1200, "search.lumps": [*IDEAL, "damping"], **TRIALS_ALONE}
     for coordinates in ("nominal-metric", "plain"):
         spec = load_study("full-three-link", {**changes, "search.coordinates": coordinates})
         create_study(store, spec, coordinates)
@@ -173,7 +173,7 @@ def test_a_push_coasts_with_the_identified_friction_and_not_without(tmp_path: Pa
 def test_friction_that_is_not_searched_biases_the_other_lumps(tmp_path: Path) -> None:
     """The search finds the best that a frictionless law can do, which is not the truth."""
     store = Store(str(tmp_path / "metaid.db"), create=True)
-    changes = {"sampler": "cmaes", "trials": 600, "search.lumps": list(IDEAL), **TRIALS_ALONE}
+    changes = {"sampler": "cmaes", "trials": 300, "search.lumps": list(IDEAL), **TRIALS_ALONE}
     spec = load_study("full-three-link", changes)
     create_study(store, spec, "without")
     run_study(store, "without")
@@ -186,7 +186,7 @@ def test_friction_that_is_not_searched_biases_the_other_lumps(tmp_path: Path) ->
 def test_dry_friction_is_identified_beside_viscous(tmp_path: Path) -> None:
     """All 12 lumps of a three-link chain with both kinds, within 1 %."""
     store = Store(str(tmp_path / "metaid.db"), create=True)
-    spec = load_study("full-three-link", {"sampler": "cmaes", "trials": 3000, **TRIALS_ALONE})
+    spec = load_study("full-three-link", {"sampler": "cmaes", "trials": 1500, **TRIALS_ALONE})
     dry = {
         "links": tuple(
             link.model_copy(update={"frictionloss": loss})
@@ -225,10 +225,10 @@ def test_push_speeds_do_not_know_friction() -> None:
 
 
 def test_friction_that_nobody_knows_is_found_though_pushes_differ(tmp_path: Path) -> None:
-    """84 pushes leave no doubt of it: a fit begins where it ends, but for the speeds that pushes start with."""
+    """42 pushes leave no doubt of it: a fit begins where it ends, but for the speeds that pushes start with."""
     store = Store(str(tmp_path / "metaid.db"), create=True)
     fine = {"angle_noise": 1e-4, "speed_sensor": False, "push_noise": 0.02}
-    wanted = {"trials": 4, "seed": 27, "estimate": {"faults": "proposed"}}
+    wanted = {"trials": 2, "seed": 27, "estimate": {"faults": "proposed"}}
     episode = {"measure": "smoothed", "count": 21}
     create_study(store, chain_study(random_chain(2, 27), fine, {"damping": 0.05}, episode=episode, **wanted), "rubbing")
     run_study(store, "rubbing")

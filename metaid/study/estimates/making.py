@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -113,14 +114,16 @@ def _known_from(found: StudyEstimate, experiment: Any, trials: tuple[Any, ...], 
 def first_enough(fewest: int, most: int, is_enough: Callable[[int], bool]) -> int | None:
     """The least number from `fewest` to `most` that is enough; None where `most` is not.
 
-    What is enough is taken to stay so. It is looked for in steps that double, then by halves: an estimate from too few
-    trials may take seconds to explain nothing.
+    What is enough is taken to stay so: where the first two are too few, `most` is asked next, which mostly is too few
+    on a noisy plant. Else it is looked for in steps that double, then by halves: an estimate from too few trials may
+    take seconds to explain nothing.
     """
+    is_enough = cache(is_enough)
     if fewest > most:
         return None
     too_few, enough, step = fewest - 1, fewest, 1
     while not is_enough(enough):
-        if enough == most:
+        if enough == most or (step == 2 and not is_enough(most)):
             return None
         too_few, enough, step = enough, min(enough + step, most), 2 * step
     while enough - too_few > 1:
