@@ -27,14 +27,14 @@ def example_rig() -> Any:
     return module
 
 
-def main() -> None:
+def main(arguments: list[str] | None = None) -> None:
     """One connection after another."""
     parser = argparse.ArgumentParser(description="A test bench that shares no code with metaid.", prog="soak.bench")
     parser.add_argument("plant", type=Path, help="plant file with links, or the MJCF of an arm of hinges")
     parser.add_argument("--timestep", type=float, default=0.002, help="s, of a tick")
     parser.add_argument("--listen", default="tcp://127.0.0.1:0", metavar="ADDRESS", help="tcp://… or unix:…")
     parser.add_argument("--set", action="append", default=[], metavar="NAME=NUMBER", help="an imperfection")
-    given = parser.parse_args()
+    given = parser.parse_args(arguments)
     is_planar = given.plant.suffix == ".toml"
     arm = arm_of_links(tomllib.loads(given.plant.read_text())) if is_planar else arm_of_mjcf(given.plant)
     imperfections = Imperfections.parsed(given.set)

@@ -110,7 +110,7 @@ def test_misfit_tells_what_the_twin_does_not_know(faults: dict[str, Any], link: 
     """Hidden friction, a spring, drives that are too weak: then no lump is known, nor is it approximate, for parts of
     the pushes contradict each other.
     """
-    create_study(store, spec_of(2, 3, {**NOISE, **faults}, link=link))
+    create_study(store, spec_of(2, 3, {**NOISE, **faults}, trials=1, link=link))
     run_study(store, "chain")
     snapshot = read_snapshot(store, "chain")
     assert snapshot.estimate is not None
@@ -142,14 +142,15 @@ def test_torques_that_are_cut_off_do_no_harm_where_the_study_says_it(
 
 def test_torque_limit_that_is_said_wrong_shows_in_the_misfit(store: Store) -> None:
     """Motors that give a tenth less than was said."""
-    found = shown(store, spec_of(2, 1, {**NOISE, "torque_limit": 5.4}, estimate=EstimateSettings(torque_limit=6.0)))
+    faults, said = {**NOISE, "torque_limit": 5.4}, EstimateSettings(torque_limit=6.0)
+    found = shown(store, spec_of(2, 1, faults, trials=1, estimate=said))
     assert found["verdict"] != "found"
     assert found["misfit"] > 4.0
 
 
 def test_lengths_that_are_wrong_by_two_percent_show_in_the_misfit(store: Store) -> None:
     """Where they are taken as exact."""
-    spec = spec_of(2, 4, NOISE, estimate=EstimateSettings(lengths="exact"))
+    spec = spec_of(2, 4, NOISE, trials=1, estimate=EstimateSettings(lengths="exact"))
     assert 0.8 < shown(store, spec)["misfit"] < 1.2
     links = [
         link.model_copy(update={"length": link.length * wrong})

@@ -147,7 +147,7 @@ def test_estimate_never_sees_the_truth(store: Store) -> None:
 @pytest.mark.slow
 def test_hidden_friction_is_told_by_the_misfit_and_no_lump_is_known(store: Store) -> None:
     """A model that cannot explain what was seen says of no lump how well it is known."""
-    create_study(store, spec_of(3, 11, {"damping": 0.05}, trials=4))
+    create_study(store, spec_of(3, 11, {"damping": 0.05}, trials=2))
     run_study(store, "chain")
     shown = results.summary(store, "chain")
     assert shown["misfit"] > 100.0

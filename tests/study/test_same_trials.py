@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import matching_spec, random_links, what_is_known
+from forked import Command
 
 from metaid import results
 from metaid.compiled import CompiledLoop, FaultyLoop, fastest_step
@@ -44,13 +45,13 @@ PLANTS = {plant.name: plant.settings for plant in SHIPPED if isinstance(plant, M
 }
 TRIALS = 18
 RUN_AND_DIE = """
-import os, signal, sys
+import os, signal
 from metaid.store.database import Store
 from metaid.study.run import run_study
 def die(progress):
-    if progress.trials >= int(sys.argv[2]):
+    if progress.trials >= {trials}:
         os.kill(os.getpid(), signal.SIGKILL)
-run_study(Store(sys.argv[1]), "killed", watch=die)
+run_study(Store({url!r}), "killed", watch=die)
 """
 RUN_WITH_OTHER_KERNELS = """
 import sys
@@ -93,11 +94,12 @@ def test_trials_are_the_same_for_any_number_of_workers_and_any_stops(plant: str,
         assert table.equals(tables[0])
 
 
-def kill_after(trials: int, store: Store) -> None:
-    """Runs the study `killed` in a process that SIGKILLs itself once there are so many trials."""
-    program = [sys.executable, "-c", RUN_AND_DIE, store.url, str(trials)]
-    done = subprocess.run(program, capture_output=True, text=True)
-    assert done.returncode == -signal.SIGKILL, done.stderr
+def kill_after(trials: int, folder: Path, store: Store) -> None:
+    """Runs the study `killed` in a process that SIGKILLs itself once there are so many trials; what it says is in a
+    `folder`.
+    """
+    process = Command(folder, first=RUN_AND_DIE.format(url=store.url, trials=trials))
+    assert process.wait() == -signal.SIGKILL, process.err
 
 
 def test_trials_are_the_same_if_the_run_is_killed(tmp_path: Path) -> None:
@@ -106,7 +108,7 @@ def test_trials_are_the_same_if_the_run_is_killed(tmp_path: Path) -> None:
     for name in ("whole", "killed"):
         create_study(store, spec_of(PLANTS["dry friction and every fault"], "cmaes"), name)
     run_study(store, "whole", workers=2)
-    kill_after(12, store)
+    kill_after(12, tmp_path, store)
     assert 0 < store.count("killed") < TRIALS
     run_study(store, "killed", workers=1)
     assert results.trials_frame(store, "killed").equals(results.trials_frame(store, "whole"))
@@ -141,7 +143,7 @@ def test_estimate_is_the_same_for_any_number_of_workers_and_if_the_run_is_killed
     for name, workers in (("one", 1), ("three", 3), ("killed", 2)):
         create_study(store, spec, name)
         if name == "killed":
-            kill_after(3, store)
+            kill_after(3, tmp_path, store)
             assert 0 < store.count("killed") < 4  # the last trials may not have been written yet
         run_study(store, name, workers=workers)
     shown = [what_is_known(store, name) for name in ("one", "three", "killed")]

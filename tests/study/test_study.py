@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -14,6 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from conftest import best_error
+from forked import Command
 from listeners import listening
 from pandas.testing import assert_frame_equal
 
@@ -202,21 +201,16 @@ def test_trials_that_do_not_follow_from_the_settings_are_refused(store: Store, t
 @pytest.mark.slow
 def test_interrupted_run_says_how_to_go_on(store: Store, tmp_path: Path) -> None:
     """SIGINT and SIGTERM: status 130 and 143, one line, and whole generations in the DB."""
-    command = [sys.executable, "-c", "from metaid.cli import main; main()", "study"]
     endless = {"trials": 1000000, "sampler": "random", "search.generation": 9}
     create_study(store, load_study("three-link-coast", endless))
     for stop, status in ((signal.SIGINT, 130), (signal.SIGTERM, 143)):
         before = store.count("three-link-coast")
-        environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
-        process = subprocess.Popen(
-            [*command, "run", "three-link-coast"], cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True
-        )
+        process = Command(tmp_path, "study", "run", "three-link-coast", first=f"import os; os.chdir({str(tmp_path)!r})")
         while store.count("three-link-coast") == before:
             time.sleep(0.02)
-        process.send_signal(stop)
-        _, said = process.communicate(timeout=60)
-        assert process.returncode == status
-        assert said.strip().splitlines()[-1].endswith("go on with: metaid study run three-link-coast")
+        process.send(stop)
+        assert process.wait(60.0) == status
+        assert process.err.strip().splitlines()[-1].endswith("go on with: metaid study run three-link-coast")
     trials = results.trials_frame(store, "three-link-coast")
     assert trials["number"].tolist() == list(range(len(trials)))
     assert (trials.groupby("generation").size() == 9).all()
