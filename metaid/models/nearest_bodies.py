@@ -31,14 +31,16 @@ class Nearest:
 
     Attributes:
         cones: what is to be positive definite, by free parameters x (nfree).
-        unknowns: that follow from x (nparam), and their Jacobian (nparam x nfree).
+        unknowns: that follow from x (nparam).
+        jacobian: of these there (nparam x nfree).
         values: of the unknowns in the free fit (nparam).
         precision: of these (nparam x nparam).
         logarithms: how many of x, its last, are logarithms of lengths.
     """
 
     cones: Sequence[Matrices]
-    unknowns: Callable[[Array], tuple[Array, Array]]
+    unknowns: Callable[[Array], Array]
+    jacobian: Callable[[Array], Array]
     values: Array
     precision: Array
     logarithms: int = 0
@@ -53,15 +55,15 @@ class Nearest:
             weight = max(WEIGHT, weight / PATH)
 
     def _cost(self, x: Array) -> float:
-        missed = self.unknowns(x)[0] - self.values
+        missed = self.unknowns(x) - self.values
         return 0.5 * float(missed @ self.precision @ missed)
 
     def _centre(self, x: Array, weight: float) -> Array:
         """The point of the least cost and divergence, by Newton's steps (Gauss's where lengths are unknown)."""
         present = self._total(x, weight)
         for _ in range(STEPS):
-            unknowns, jacobian = self.unknowns(x)
-            gradient = jacobian.T @ (self.precision @ (unknowns - self.values))
+            jacobian = self.jacobian(x)
+            gradient = jacobian.T @ (self.precision @ (self.unknowns(x) - self.values))
             curvature = jacobian.T @ self.precision @ jacobian
             for cone in self.cones:
                 slope, bend = cone.slopes(x)

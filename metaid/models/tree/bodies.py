@@ -76,7 +76,7 @@ def nearest_possible(prior: ArmPrior, values: Array, precision: Array) -> Array:
     free = rotors.slope.reshape(-1, x.size).argmax(axis=1)
     x[free] = rotors.nominal.ravel()
     matrix = prior.base.matrix
-    found = Nearest((links, rotors), lambda x: (matrix @ x, matrix), values, precision).found(x)
+    found = Nearest((links, rotors), lambda x: matrix @ x, lambda _: matrix, values, precision).found(x)
     return np.asarray(matrix @ found, dtype=np.float64)
 
 

@@ -7,6 +7,7 @@ negative.  Eq. 69.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -73,36 +74,45 @@ class Possible:
             self._lengths = np.log(chain.length[:-1])
             self._usual_rotor = scale * THIN * chain.lumps_of(("inertia",)).vector
         n = self._tree.njoint
-        self._nlink = len(self._links) // n
+        self._nlink, self._pairs = len(self._links) // n, np.triu_indices(n, 1)
         self._links.reshape(n, -1)[:, -1] = self._usual_rotor
 
     @property
     def _nfree(self) -> int:
         return len(self._links) + len(self._friction) + len(self._lengths)
 
-    def lumps(self, x: Array) -> tuple[Array, Array]:
-        """The unknowns (nparam) of free parameters (nfree), and their Jacobian (nparam x nfree)."""
-        model, nlinks, nfriction = self._model, len(self._links), len(self._friction)
-        if model.is_chain:
-            steps = COMPLEX_STEP * 1j * np.eye(self._nfree)
-            return self._of_chain(x), np.asarray(self._of_chain(x + steps).imag.T / COMPLEX_STEP)
-        jacobian = np.zeros((len(model.names), self._nfree))
-        jacobian[self._friction, nlinks + np.arange(nfriction)] = 1.0
-        jacobian[: model.nbody, :nlinks] = self._matrix
-        return jacobian @ x, jacobian
+    def lumps(self, x: Array) -> Array:
+        """The unknowns (nparam) of free parameters (nfree)."""
+        return np.asarray(self._of_chain(x) if self._model.is_chain else self._linear @ x)
+
+    def slopes(self, x: Array) -> Array:
+        """Their Jacobian (nparam x nfree) there."""
+        if not self._model.is_chain:
+            return self._linear
+        return np.asarray(self._of_chain(x + COMPLEX_STEP * 1j * np.eye(self._nfree)).imag.T / COMPLEX_STEP)
+
+    @cached_property
+    def _linear(self) -> Array:
+        """The Jacobian of an arm (nparam x nfree), which is the same everywhere."""
+        nlinks = len(self._links)
+        jacobian = np.zeros((len(self._model.names), self._nfree))
+        jacobian[self._friction, nlinks + np.arange(len(self._friction))] = 1.0
+        jacobian[: self._model.nbody, :nlinks] = self._matrix
+        return jacobian
 
     def _of_chain(self, x: NDArray[Any]) -> NDArray[Any]:
         """The unknowns of a chain (... x nparam) of free parameters (... x nfree), which may be complex.  Eqs. 1 to
         3.
         """
-        links, friction, logs = np.split(x, [len(self._links), len(self._links) + len(self._friction)], axis=-1)
-        mass, first, second, rotor = np.moveaxis(links.reshape(*x.shape[:-1], -1, 4), -1, 0)
-        length = np.concatenate([np.exp(logs), np.zeros_like(mass[..., :1])], axis=-1)
+        nlinks, last = len(self._links), len(x.T) - len(self._lengths)
+        mass, first, second, rotor = (x[..., kind:nlinks:4] for kind in range(4))
+        length = np.zeros_like(mass)
+        length[..., :-1] = np.exp(x[..., last:])
         beyond = np.cumsum(mass[..., ::-1], axis=-1)[..., ::-1] - mass  # the mass that each link carries
         gravity, inertia = first + length * beyond, second + length**2 * beyond
-        one, other = np.triu_indices(mass.shape[-1], 1)
+        one, other = self._pairs
         coriolis = length[..., one] * gravity[..., other]
-        return np.concatenate([gravity, coriolis, inertia, rotor[..., 1:], friction], axis=-1)
+        return np.concatenate([gravity, coriolis, inertia, rotor[..., 1:], x[..., nlinks:last]], axis=-1)
 
     def _cones(self, values: Array, deviations: Array) -> list[Matrices]:
         """What is to be positive definite; unknowns and their deviations (nparam each) are those of the free fit."""
@@ -164,12 +174,12 @@ class Possible:
         cones = self._cones(values, deviations)
         x = self._start(values, deviations)
 
-        x = Nearest(cones, self.lumps, values, precision, len(self._lengths)).found(x)
-        found, jacobian = self.lumps(x)
+        x = Nearest(cones, self.lumps, self.slopes, values, precision, len(self._lengths)).found(x)
         nlinks = len(self._links)
         links = x[:nlinks].reshape(self._tree.njoint, -1)
         length = np.exp(x[nlinks + len(self._friction) :])
-        return PossibleModel(found, self._tree_of(links, length), jacobian if self._model.is_chain else None)
+        slopes = self.slopes(x) if self._model.is_chain else None
+        return PossibleModel(self.lumps(x), self._tree_of(links, length), slopes)
 
     def refined(self, solution: Solution) -> Solution:
         """The solution that can be, closest to one that was fitted freely."""
