@@ -194,7 +194,7 @@ def _payload(plant: SimulatedPlant, criterion: Criterion, series: Series) -> tup
     tree = plant.tree
     mass = float(f"{PAYLOAD * tree.mass.sum():.1g}")
     loaded = replace(tree, mass=tree.mass + mass * (np.arange(tree.njoint) == tree.njoint - 1))
-    motion = series.at(series.period / 200 * np.arange(200))
+    motion = series.over(200)
     carried = np.sqrt(((joint_torque(loaded, *motion) - joint_torque(tree, *motion)) ** 2).mean(axis=0))
     with np.errstate(divide="ignore"):
         return mass, OF_TWO * criterion.noise / (np.sqrt(criterion.readings) * carried)

@@ -79,7 +79,7 @@ class Criterion:
 
 def regressor_along(model: LinearModel, series: Series, count: int) -> Array:
     """The torque for a unit of each unknown at so many times of a period (count x njoint x nparam)."""
-    return model.regressor(*series.at(series.period / count * np.arange(count)))
+    return model.regressor(*series.over(count))
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ class Problem:
         free = Series(np.zeros(len(shape.place)), shape.sines, shape.cosines, self.period)
         sines, cosines = rest_to_rest(shape.sines, shape.cosines, free.rates)
         free = replace(free, sines=sines, cosines=cosines)
-        motion = free.at(self.period / LOOKS * np.arange(LOOKS))
+        motion = free.over(LOOKS)
         lowest, highest = motion.angles.min(axis=0), motion.angles.max(axis=0)
         shares = np.stack(
             [
@@ -146,7 +146,7 @@ class Problem:
         """Whether nothing is met at so many looks."""
         if self.contacts is None:
             return True
-        met = self.contacts.met(series.at(self.period / count * np.arange(count)).angles)
+        met = self.contacts.met(series.over(count).angles)
         if met is not None:
             self.refused[met] += 1
         return met is None
@@ -154,7 +154,7 @@ class Problem:
     def is_allowed(self, series: Series) -> bool:
         """Whether all limits hold and nothing is met, looked at every millisecond."""
         count = round(self.period / FINAL)
-        motion, limits = series.at(self.period / count * np.arange(count)), self.limits
+        motion, limits = series.over(count), self.limits
         return bool(
             (motion.angles >= limits.low).all()
             and (motion.angles <= limits.high).all()

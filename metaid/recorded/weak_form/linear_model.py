@@ -273,8 +273,7 @@ def chain_model(chain: Chain, gravity: float) -> LinearModel:
     joints = np.arange(1, n)
 
     def bodies(angles: Array, speeds: Array, accelerations: Array) -> Array:
-        turned = np.zeros((*angles.shape, n - 1))
-        turned[..., joints, joints - 1] = accelerations[..., 1:]
+        turned = (accelerations[..., None] * np.eye(n))[..., 1:]
         return np.concatenate([law.regressor(angles, speeds, accelerations), turned], axis=-1)
 
     def dynamics(values: Array) -> Dynamics:

@@ -26,7 +26,7 @@ SIDE_BY_SIDE = 50_000  # readings of windows that are fitted at once
 GAP = 0.15  # of a window without a reading: nobody knows which torques were sent there
 RARELY, FEW, COARSE = 0.035, 12, 4  # s between two readings, from which on windows have so many, and of which degree
 TESTS = (Polynomial([1.0, 0.0, -1.0]) ** 2, Polynomial([1.0, 0.0, -1.0]) ** 2 * Polynomial([0.0, 2.0]))  # ψ(s)
-INTEGRALS = np.array([np.append(test.integ().coef, [0.0] * (5 - test.degree())) for test in TESTS]).T  # (7 x ntest)
+ODD, EVEN = TESTS[0].integ().coef[1::2], TESTS[1].integ().coef[::2]  # coefficients of their integrals that are not 0
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,9 @@ class Windows:
         reach = int((lasts - firsts).max(initial=1))
         rows = np.minimum(firsts[:, None] + np.arange(reach + 1), len(begins))
         edges = np.clip((ends[rows] - self.middles[:, None]) / half, -1.0, 1.0)  # what is outside has no width
-        weights = np.stack(0.5 * np.diff(polyval(edges, INTEGRALS), axis=-1), axis=1)
+        squares = edges**2
+        integrals = np.stack([edges * polyval(squares, ODD), polyval(squares, EVEN)], axis=1)
+        weights = 0.5 * (integrals[..., 1:] - integrals[..., :-1])
         sent = record.torques[np.minimum(rows[:, :-1], len(begins) - 1)]
         averaged: Array = weights @ sent
         return averaged
