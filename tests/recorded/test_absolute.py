@@ -25,7 +25,8 @@ diaginertia="0.1 0.1 0.1"/><joint name="elbow" axis="0 -1 0"/><body pos="0 0 0.3
 diaginertia="0.1 0.1 0.1"/><joint name="wrist" axis="0 1 0"/></body></body></body></body></worldbody></mujoco>"""
 
 
-FRICTION = ("viscous", "coulomb")  # said, for to find its terms takes longer than all else
+# Said, for to find them takes longer than all else.
+SAID: dict[str, Any] = {"friction": ("viscous", "coulomb"), "window": 0.2, "delay": 0.0}
 
 
 def logs() -> list[pd.DataFrame]:
@@ -43,12 +44,12 @@ def against_the_base(log: pd.DataFrame, motor: bool) -> pd.DataFrame:
 def test_angle_read_against_the_base_is_named_with_what_mends_it(motor: bool, option: str) -> None:
     """First of all that is named; mended, the model is that of the log as it was."""
     spoilt = [against_the_base(log, motor) for log in logs()]
-    found = metaid.estimate(spoilt, "double-pendulum", friction=FRICTION)
+    found = metaid.estimate(spoilt, "double-pendulum", **SAID)
     assert found.verdict.word == "not found"
     assert found.facts[0].option == option
     absolute, coupled = [option.removeprefix("--absolute ")], [(1, 2)] if motor else ()
-    mended = metaid.estimate(spoilt, "double-pendulum", absolute=absolute, friction=FRICTION)
-    plain = metaid.estimate(logs(), "double-pendulum", coupled=coupled, friction=FRICTION)
+    mended = metaid.estimate(spoilt, "double-pendulum", absolute=absolute, **SAID)
+    plain = metaid.estimate(logs(), "double-pendulum", coupled=coupled, **SAID)
     assert mended.facts == plain.facts == ()
     moved = np.abs(mended.estimate.values - plain.estimate.values)
     assert (moved < 0.1 * plain.estimate.deviations).all()
@@ -120,7 +121,7 @@ ROUGH = {
 @pytest.fixture(scope="module")
 def in_newton_metres() -> RecordedResult:
     """What the logs say in their own unit, with such inertias."""
-    return metaid.estimate(logs(), ROUGH, friction=FRICTION)
+    return metaid.estimate(logs(), ROUGH, **SAID)
 
 
 @pytest.mark.parametrize("unit", [400.0, 0.001])
@@ -130,7 +131,7 @@ def test_log_in_raw_units_is_identified_with_inertias_that_nobody_knows(
     """As the defaults of a URDF are, thirty times too large: what the joints carry tells the unit."""
     columns = ["torque_1", "torque_2"]
     raw = [log.assign(**{column: unit * log[column] for column in columns}) for log in logs()]
-    found, plain = metaid.estimate(raw, ROUGH, friction=FRICTION), in_newton_metres
+    found, plain = metaid.estimate(raw, ROUGH, **SAID), in_newton_metres
     assert found.estimate.scale == pytest.approx(unit, rel=0.3)
     assert found.verdict.word == plain.verdict.word == "approximate"
     assert found.estimate.held_out.relative == pytest.approx(plain.estimate.held_out.relative, rel=0.02)
@@ -170,7 +171,7 @@ TOGETHER: dict[str, Callable[[pd.DataFrame], pd.DataFrame]] = {
 @pytest.mark.parametrize("options", TOGETHER)
 def test_two_things_that_are_wrong_at_once_are_named_at_once(options: str) -> None:
     """As where angles are read against the base and from hanging; beside another unit, which is found, the other."""
-    found = metaid.estimate([TOGETHER[options](log) for log in logs()], "double-pendulum", friction=FRICTION)
+    found = metaid.estimate([TOGETHER[options](log) for log in logs()], "double-pendulum", **SAID)
     assert found.verdict.word == "not found"
     named = found.facts[0].option.removeprefix("--").split(" --")
     assert {*named} == {*options.removeprefix("--").split(" --")}
