@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -23,7 +24,8 @@ pytestmark = pytest.mark.slow
 SECONDS, STEP, SUBSTEPS = 12.0, 0.005, 2  # s of a log, and between two rows, and Runge-Kutta steps in it
 ENCODER = 0.38e-3  # rad
 GRAVITY = 9.81
-FRICTION = ("viscous", "coulomb")  # said where its terms are not what is asked for: to find them takes longest
+# Said where they are not what is asked for: to find them takes longest.
+SAID: dict[str, Any] = {"friction": ("viscous", "coulomb"), "window": 0.2, "delay": 0.0}
 Pair = tuple[float, float]
 Accelerate = Callable[[float, float, float, float, Pair], Pair]
 
@@ -125,7 +127,7 @@ def worst(found: RecordedResult, true: dict[str, float], names: Iterable[str]) -
 @pytest.mark.parametrize("driven", [0, 1])
 def test_double_pendulum_with_one_motor_is_identified(driven: int) -> None:
     """By its first joint or by its second, whose torque says nothing of the first link."""
-    found = metaid.estimate(swung(driven), BELIEVED, zero={"1": np.pi})
+    found = metaid.estimate(swung(driven), BELIEVED, zero={"1": np.pi}, friction=("viscous", "coulomb"))
     assert found.verdict.word != "not found"
     assert worst(found, LUMPS, ("gravity_1", "gravity_2")) < 0.01
     table = found.verdict.lumps.set_index("name").loc[[*LUMPS]]
@@ -154,7 +156,7 @@ def test_rotary_pendulum_needs_no_column_for_a_motor_that_it_has_not(tmp_path: P
 def test_motor_whose_torque_was_not_logged_is_no_joint_without_one() -> None:
     """It is named, with the option that leaves its torque out."""
     log = moved(double_pendulum, 0.0, (0.1, 0.1), 0).assign(torque_2=0.0)
-    found = metaid.estimate(log, BELIEVED, zero={"1": np.pi}, friction=FRICTION)
+    found = metaid.estimate(log, BELIEVED, zero={"1": np.pi}, **SAID)
     assert any("--untrusted 2 " in reason for reason in found.verdict.reasons)
 
 
@@ -162,7 +164,7 @@ def test_rotary_pendulum_whose_encoder_counts_the_other_way_is_named(tmp_path: P
     """With the option that mends it."""
     (tmp_path / "rotary.xml").write_text(ROTARY_FILE)
     log = moved(rotary_pendulum, np.pi, (0.003, 0.0), 0, 2.0)
-    found = metaid.estimate(log.assign(angle_2=-log["angle_2"]), tmp_path / "rotary.xml", friction=FRICTION)
+    found = metaid.estimate(log.assign(angle_2=-log["angle_2"]), tmp_path / "rotary.xml", **SAID)
     assert any("joint pendulum counts the other way: --reversed pendulum" in each for each in found.verdict.reasons)
 
 
@@ -173,5 +175,5 @@ def test_pendulum_that_was_zeroed_where_it_hangs_is_named(nlink: int) -> None:
     if nlink == 1:
         log = moved(one_link, 0.0, (0.1, 0.0), 0)[["time", "angle_1", "torque_1"]]
     believed = {**BELIEVED, "links": BELIEVED["links"][:nlink]}  # type: ignore[index]
-    found = metaid.estimate(log, believed, friction=FRICTION)
+    found = metaid.estimate(log, believed, **SAID)
     assert any("--zero 1=3.1416" in reason for reason in found.verdict.reasons)
