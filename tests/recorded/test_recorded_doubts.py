@@ -163,7 +163,7 @@ def test_zero_that_is_off_by_a_quarter_turn_is_named_with_its_sign(shift: float,
         Record(f"run{first}.csv", slower * times[first:last], read[first:last], None, torques[first:last])
         for first, last in pairwise((0, 700, 1400, 2001))
     ]
-    found = estimate_records(runs, arm_model(wrong_tree(arm, 0)), BASE)
+    found = estimate_records(runs, arm_model(wrong_tree(arm, 0)), replace(BASE, delay=0.0))
     facts = facts_of(found)
     assert [fact.option for fact in facts] == [f"--zero shoulder={shift:.4f}"]
     said = [reason for reason in judge_records(runs, found).reasons if "farther than chance puts it" in reason]

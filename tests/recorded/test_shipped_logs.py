@@ -89,7 +89,7 @@ def test_command_says_what_a_file_cannot_hold_and_once_what_logs_share(metaid: C
 def test_estimate_of_logs_does_without_what_is_slow_to_load() -> None:
     """Each takes about as long as an estimate of short logs; so does the DB of studies."""
     code = (
-        "import sys, metaid; metaid.estimate('double-pendulum', 'double-pendulum').model; "
+        f"import sys, metaid; metaid.estimate({str(RUNS[0])!r}, 'double-pendulum').model; "
         "slow = 'scipy.signal', 'scipy.stats', 'numba', 'matplotlib', 'optuna', 'sqlalchemy'; "
         "print([name for name in slow if name in sys.modules])"
     )
