@@ -127,8 +127,8 @@ def test_faults_of_an_arm_are_found_with_its_base_parameters(kinds: tuple[str, .
 def test_torques_at_which_motors_cut_off_are_found() -> None:
     """Within four deviations: each gives seven tenths of the most that it is told to."""
     tree = random_arm(3, 2, friction=False)
-    limits = 0.7 * np.abs(pushed(tree, ()).torques).max(axis=(0, 1))
-    searched, trial = BaseUnknowns(ArmPrior(nominal_of(tree))), pushed(tree, (), limits=limits)
+    limits = 0.7 * np.abs(pushed(tree, (), pushes=4).torques).max(axis=(0, 1))
+    searched, trial = BaseUnknowns(ArmPrior(nominal_of(tree))), pushed(tree, (), limits=limits, pushes=4)
     plain = fit(Readings([trial], searched), restarts=0)
     assert not plain.is_explained
     found, taken = take_up(Readings([trial], searched), plain, search_of(searched, trial), some_noise(searched, trial))

@@ -54,10 +54,10 @@ def drawn_bodies(gravity: Array, inertia: Array, length: Array, random: np.rando
 
 
 @pytest.mark.parametrize("kinds", [LENGTHS_GIVEN, LENGTHS_FREE], ids=["lengths given", "lengths free"])
-@pytest.mark.parametrize("nlink", [1, 2, 3, 5])
+@pytest.mark.parametrize("nlink", [1, 2, 5])
 def test_true_links_are_among_the_bodies_that_their_lumps_leave_possible(nlink: int, kinds: tuple[str, ...]) -> None:
     """Whether the lumps are known exactly or to a percent, and whether lengths are given or follow from the lumps."""
-    for seed in range(3):
+    for seed in range(2):
         chain = random_plant(nlink, seed).chain
         true = np.concatenate([chain.mass, chain.com, chain.inertia, chain.length])
         for spread in (1e-12, 0.01):

@@ -105,7 +105,9 @@ def result() -> RecordedResult:
         [free, load],
         "spatial-three-link",
         payloads=[Payload(load, MASS, tuple(CENTRE))],
-        friction=["viscous", "coulomb"],
+        friction=FRICTION,
+        window=0.2,
+        delay=0.0,
     )
 
 

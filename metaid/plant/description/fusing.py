@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -44,12 +45,12 @@ class Whole:
         """The names of the joints that do not move."""
         return tuple(joint_name(self.model, joint) for joint in range(self.model.njnt) if joint not in self.joints)
 
-    @property
+    @cached_property
     def addresses(self) -> list[int]:
         """Where the coordinates of the moving joints are in the model's (njoint)."""
         return [int(self.model.jnt_qposadr[joint]) for joint in self.joints]
 
-    @property
+    @cached_property
     def degrees(self) -> list[int]:
         """Where the speeds of the moving joints are in the model's (njoint)."""
         return [int(self.model.jnt_dofadr[joint]) for joint in self.joints]

@@ -134,6 +134,8 @@ class Clearance:
         self._data.qpos[:] = self._whole.at(coordinates)
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_collision(self._model, self._data)
+        if not self._data.ncon:
+            return []
         contacts = self._data.contact
         near = contacts.geom[contacts.dist < CLEARANCE]
         pairs = ((min(geoms), max(geoms)) for geoms in near.tolist())
