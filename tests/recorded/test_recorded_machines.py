@@ -37,9 +37,9 @@ def arm_log(extra: Callable[[Array], Array] | None = None, noise: float = 1e-5, 
     return log_of(swinging_arm(), noise=noise, extra=extra, seconds=seconds)
 
 
-def estimated(*records: Record, friction: tuple[str, ...] | None = ("viscous", "coulomb")) -> RecordedEstimate:
+def estimated(*records: Record, friction: tuple[str, ...] | None = BASE, span: float = 0.1) -> RecordedEstimate:
     model = arm_model(wrong_tree(swinging_arm(), 0))
-    return estimate_records(records, model, Choices(friction=friction, zeros=False, delay=0.0))
+    return estimate_records(records, model, Choices(span=span, friction=friction, zeros=False, delay=0.0))
 
 
 @pytest.fixture(scope="module")
@@ -114,7 +114,7 @@ def test_gravity_that_points_the_other_way_is_named_though_all_is_predicted(way:
     torques = joint_torque(replace(arm, gravity=way * arm.gravity), coordinates, speeds, accelerations)
     torques += 0.5 * speeds + 0.3 * np.tanh(100.0 * speeds)
     record = Record("slow.csv", slower * times, coordinates, None, torques)
-    found = estimated(record)
+    found = estimated(record, span=0.5)
     said = [fact.text for fact in facts_of(found)]
     assert found.held_out.relative < 0.03
     assert bool(said) == (way < 0.0)
