@@ -204,7 +204,8 @@ def test_log_of_another_robot_is_not_found(metaid: Metaid, rig: Path) -> None:
 )
 def test_what_mends_a_log_is_said_beside_what_was_said_of_it(rig: Path, given: dict[str, Any], mended: str) -> None:
     """Whoever says something wrong of a log is told the whole of what is right."""
-    found = estimate(rig / "log.csv", rig / "believed.toml", friction=["viscous"], **given)
+    asked = {"friction": ["viscous"], "window": 0.2, "delay": 0.0}
+    found = estimate(rig / "log.csv", rig / "believed.toml", **asked, **given)
     assert not found.verdict.is_found
     assert any(reason.endswith(mended) for reason in found.verdict.reasons)
     assert mended in [fact.option for fact in found.facts]
@@ -360,7 +361,8 @@ def test_wrong_request_is_refused_in_one_line(metaid: Metaid, rig: Path, given: 
 @pytest.mark.slow
 def test_parquet_is_read_or_its_package_named(metaid: Metaid, rig: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The same as from CSV; without pyarrow one line says how that is installed."""
-    given = ("estimate", "--nominal", str(rig / "believed.toml"), "--friction", "viscous", "--json")
+    choices = ("--friction", "viscous", "--window", "0.2", "--delay", "0")
+    given = ("estimate", "--nominal", str(rig / "believed.toml"), *choices, "--json")
     pytest.importorskip("pyarrow")
     pd.read_csv(rig / "log.csv").to_parquet("log.parquet")
     ours, theirs = json.loads(metaid(*given, "log.parquet").out), json.loads(metaid(*given, str(rig / "log.csv")).out)

@@ -83,7 +83,9 @@ def test_scale_of_a_joints_torques_is_suspected(chain_log: tuple[Record, LinearM
 def test_scale_of_all_torques_is_what_a_verdict_does_not_know(chain_log: tuple[Record, LinearModel, Array]) -> None:
     """It says so of every log, for nothing in one shows it."""
     record, model, _ = chain_log
-    right, scaled = (judged(each, model, VISCOUS) for each in (record, record.with_torques(1.2 * record.torques)))
+    right, scaled = (
+        judged(each, model, replace(VISCOUS, span=0.1)) for each in (record, record.with_torques(1.2 * record.torques))
+    )
     np.testing.assert_allclose(scaled.lumps["identified"][:5], 1.2 * right.lumps["identified"][:5], rtol=1e-3)
     for found in (right, scaled):
         assert any(reason.startswith("every number scales with the torques") for reason in found.reasons)
@@ -106,7 +108,7 @@ def test_joints_that_are_misplaced_are_suspected() -> None:
     place = arm.position + 0.002 * random.standard_normal((arm.njoint, 3))
     misplaced = replace(arm, position=place, rotation=arm.rotation @ turns)
     model = arm_model(wrong_tree(arm, 1))
-    found = judged(log_of(misplaced, seconds=4.0), model)
+    found = judged(log_of(misplaced, seconds=4.0), model, replace(BASE, delay=0.0))
     prior = model.prior
     assert not isinstance(prior, tuple)
     assert not outside(found, prior.base.of(arm.parameters)[prior.base.columns % 13 < 11])
@@ -177,14 +179,22 @@ def test_joints_that_a_log_has_in_another_order_are_named(names: tuple[str, ...]
     order = sorted(names) if sorted(names) != list(names) else names[::-1]
     record = log_of(arm, extra=lambda speeds: 0.5 * speeds)
     read = record.in_order([names.index(joint) for joint in order])
-    facts = facts_of(estimate_records([read], arm_model(wrong_tree(arm, 0)), VISCOUS))
+    asked = replace(VISCOUS, span=0.1, delay=0.0)
+    facts = facts_of(estimate_records([read], arm_model(wrong_tree(arm, 0)), asked))
     assert [fact.option for fact in facts] == [f"--order {','.join(order)}"]
 
 
 def test_order_that_is_said_is_that_of_the_log() -> None:
     """Whatever joints are: all that is said of one is of the one with that name; another order is refused."""
     record = log_of(swinging_arm(), extra=lambda speeds: 0.5 * speeds)
-    told = {"friction": ["viscous"], "delay": 0.0, "zeros": False, "untrusted": ["elbow"], "scale": {"turret": 2.0}}
+    told = {
+        "friction": ["viscous"],
+        "window": 0.1,
+        "delay": 0.0,
+        "zeros": False,
+        "untrusted": ["elbow"],
+        "scale": {"turret": 2.0},
+    }
     for places in ([0, 1, 2], [1, 2, 0]):
         frame = pd.DataFrame({"time": record.times})
         for number, joint in enumerate(places, 1):
