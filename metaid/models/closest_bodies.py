@@ -53,18 +53,24 @@ class Matrices:
             return float("inf")
         return float(np.trace(matrices, axis1=-2, axis2=-1).sum() - 2.0 * np.log(diagonal).sum())
 
-    def reach(self, x: Array, step: Array) -> float:
-        """The share of a `step` (nparam) from x at which one is no longer positive definite; inf where all stay so."""
-        lower = np.linalg.inv(np.linalg.cholesky(self.at(x)))
+    def inverse_roots(self, x: Array, share: float = 0.0) -> Array:
+        """The inverses of the lower triangular roots (count x size x size) of what the scaled matrices have at x beyond
+        a `share` of the nominal ones.
+        """
+        return np.linalg.inv(np.linalg.cholesky(self.at(x) - share * np.eye(self.nominal.shape[-1])))
+
+    def reach(self, lower: Array, step: Array) -> float:
+        """The share of a `step` (nparam), from where these are the inverse roots, at which one is no longer positive
+        definite; inf where all stay so.
+        """
         least = float(np.linalg.eigvalsh(_between(lower, self.at(step))).min(initial=0.0))
         return -1.0 / least if least < 0.0 else float("inf")
 
-    def slopes(self, x: Array, directions: Array | None = None, share: float = 0.0) -> tuple[Array, Array]:
+    def slopes(self, lower: Array, directions: Array | None = None, share: float = 0.0) -> tuple[Array, Array]:
         """Gradient (nfree) and curvature (nfree x nfree) of the divergence along `directions` (nparam x nfree), by
-        default along each of x, of what the matrices have beyond a `share` of the nominal ones.
+        default along each of x, where these are the inverse roots beyond a `share` of the nominal ones.
         """
         along = self.scaled if directions is None else np.tensordot(directions.T, self.scaled, axes=1)
-        lower = np.linalg.inv(np.linalg.cholesky(self.at(x) - share * np.eye(self.nominal.shape[-1])))
         inside = _between(lower, along)
         traces = np.trace(along, axis1=-2, axis2=-1) / (1.0 - share) - np.trace(inside, axis1=-2, axis2=-1)
         rows = inside.reshape(len(inside), -1)
@@ -125,7 +131,9 @@ def _centre(groups: Sequence[Matrices], x: Array, directions: Array, share: floa
     The divergence is self-concordant, so damped steps of Newton's stay among these and arrive.
     """
     for _ in range(MOST_STEPS if directions.size else 0):
-        slopes, bends = zip(*(group.slopes(x, directions, share) for group in groups), strict=True)
+        slopes, bends = zip(
+            *(group.slopes(group.inverse_roots(x, share), directions, share) for group in groups), strict=True
+        )
         gradient, curvature = sum(slopes), sum(bends)
         scale = 1.0 / np.sqrt(np.diag(curvature))
         step = -scale * np.linalg.lstsq(curvature * np.outer(scale, scale), scale * gradient, rcond=None)[0]

@@ -65,8 +65,9 @@ class Nearest:
             jacobian = self.jacobian(x)
             gradient = jacobian.T @ (self.precision @ (self.unknowns(x) - self.values))
             curvature = jacobian.T @ self.precision @ jacobian
-            for cone in self.cones:
-                slope, bend = cone.slopes(x)
+            roots = [cone.inverse_roots(x) for cone in self.cones]
+            for cone, lower in zip(self.cones, roots, strict=True):
+                slope, bend = cone.slopes(lower)
                 gradient, curvature = gradient + weight * slope, curvature + weight * bend
             scale = 1.0 / np.sqrt(np.maximum(np.diag(curvature), 1e-300))
             scaled = curvature * np.outer(scale, scale)
@@ -75,7 +76,7 @@ class Nearest:
             decrement = -float(gradient @ step)
             if not decrement > (CLOSE if weight <= WEIGHT else ROUGHLY) * max(weight, 1e-12):
                 break
-            share = 0.5 ** self._halvings(x, step)
+            share = 0.5 ** self._halvings(x, roots, step)
             while share > 1e-10:
                 tried = self._total(x + share * step, weight)
                 if tried <= present - 1e-4 * share * decrement:
@@ -86,12 +87,16 @@ class Nearest:
             x, present = x + share * step, tried
         return x
 
-    def _halvings(self, x: Array, step: Array) -> int:
-        """How often a `step` from x is to be halved for bodies that can be, and lengths within LONGEST."""
+    def _halvings(self, x: Array, roots: Sequence[Array], step: Array) -> int:
+        """How often a `step` from x, where cones have these inverse `roots`, is to be halved for bodies that can be, and
+        lengths within LONGEST.
+        """
         logs, by = (each[len(x) - self.logarithms :] for each in (x, step))
         moves = by != 0.0
         lengths = (LONGEST - np.sign(by[moves]) * logs[moves]) / np.abs(by[moves])
-        reach = min(lengths.min(initial=1.0), *(cone.reach(x, step) for cone in self.cones))
+        reach = min(
+            lengths.min(initial=1.0), *(cone.reach(lower, step) for cone, lower in zip(self.cones, roots, strict=True))
+        )
         return math.ceil(-math.log2(reach))
 
     def _total(self, x: Array, weight: float) -> float:
