@@ -66,7 +66,8 @@ def compensation_basis(
 
 def _diagonal(matrices: Array) -> Array:
     """The diagonals (... x n) of matrices (... x n x n), to write to."""
-    return np.einsum("...ii->...i", matrices)
+    diagonals: Array = np.einsum("...ii->...i", matrices)
+    return diagonals
 
 
 def sliding(joint_speeds: Array) -> Array:

@@ -88,7 +88,7 @@ class Nearest:
         return x
 
     def _halvings(self, x: Array, roots: Sequence[Array], step: Array) -> int:
-        """How often a `step` from x, where cones have these inverse `roots`, is to be halved for bodies that can be, and
+        """How often a `step` from x, where cones have these inverse `roots`, is to be halved for bodies that can be and
         lengths within LONGEST.
         """
         logs, by = (each[len(x) - self.logarithms :] for each in (x, step))
