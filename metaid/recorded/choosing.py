@@ -1,4 +1,4 @@
-"""What is chosen by the error on parts that were left out: windows, terms of friction, zeros, and the delay.
+"""What is chosen by the error on parts that were left out: windows, friction, zeros, delay, and the prior's width.
 
 One yardstick serves for all choices: the torque of what was left out, through the same filter (Eq. 73), and of
 pendulums, which move freely, the angles at the end of short simulations. A term is taken up where it lowers the error
@@ -17,15 +17,18 @@ from metaid.models.tree import COLUMNS
 from metaid.recorded.comparing import Missed, Search
 from metaid.recorded.friction_terms import with_friction
 from metaid.recorded.held_out import Yardstick
-from metaid.recorded.weak_form.equations import Equations, first_equations
+from metaid.recorded.weak_form.equations import Equations, Solution, first_equations
 from metaid.recorded.weak_form.folds import folds_of
 from metaid.recorded.weak_form.linear_model import BASE, LinearModel
+from metaid.recorded.weak_form.possible import Possible
 from metaid.recorded.weak_form.smoothed import CUTOFFS, Smoothed
 
 # Length in s and degree of polynomials, the finest first.
 WINDOWS = ((0.06, 4), (0.1, 5), (0.15, 4), (0.2, 6), (0.25, 4), (0.35, 4), (0.3, 8), (0.5, 10))
 ALIKE = 1.005  # times the least error: of windows that predict alike the finest tell most
 DELAYS = np.arange(-0.040, 0.0401, 0.002)  # s
+DOUBTS = (3.0, 10.0, 30.0)  # times the deviations of the bodies' prior
+GUESSED = 0.85  # of the error: a wider prior that leaves more is not tried on possible bodies
 PROMPT = 0.002  # s: a delay as of a control step is looked for before friction is, which a longer one looks like
 SLOW = 0.01  # of a joint's usual speed: below it dry friction is a share of its whole
 USUAL = 0.3  # s: the windows that the cut-off of the yardstick is chosen with are no longer
@@ -89,6 +92,10 @@ def choose(logs: Sequence[Smoothed], model: LinearModel, choices: Choices, scale
     if choices.zeros is None:
         present, missed = _with_zeros(search, present, missed)
     present, missed = with_friction(search, present, missed, asked)
+    certain = present
+    present, missed = _with_doubt(search, present, missed)
+    if present is not certain:
+        present, missed = with_friction(search, present, missed, asked)
     present, missed = _best_windows(search, present)
     at_bound = False
     if choices.delay is None:  # friction that was taken up may have looked like a delay
@@ -117,6 +124,28 @@ def _with_zeros(search: Search, present: Equations, missed: Missed) -> tuple[Equ
     other = replace(present, zeros=True)
     found = search.better("zeros of the encoders", other, search.missed([present], of_halves=True)[0])
     return (present, missed) if found is None else (other, found)
+
+
+def _with_doubt(search: Search, present: Equations, missed: Missed) -> tuple[Equations, Missed]:
+    """With a wider prior of the bodies, where that is worth its while for those that can be, too: nominal ones may be
+    a guess.
+    """
+    others = [replace(present, doubt=doubt) for doubt in DOUBTS]
+    found = search.missed(others)
+    search.tried += [
+        (f"a prior {doubt:g} times as wide", each.shares(missed)[0]) for doubt, each in zip(DOUBTS, found, strict=True)
+    ]
+    best, other = min(zip(found, others, strict=True), key=lambda each: float(np.prod(each[0].shares(missed))))
+    if best.shares(missed)[0] > GUESSED:
+        return present, missed
+    speeds = fastest(search.yardstick.logs)
+
+    def possible(equations: Equations) -> list[Solution]:
+        bodies = Possible(equations.model, equations.scale, speeds)
+        return [bodies.refined(each) for each in equations.without_each]
+
+    before, after = search.missed([present, other], solve=possible)
+    return (other, best) if after.is_worth(before) else (present, missed)
 
 
 def _with_delay(

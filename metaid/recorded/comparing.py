@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import NamedTuple
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from metaid.errors import RecordError
 from metaid.models import Array
 from metaid.recorded.held_out import HeldOut, Yardstick
-from metaid.recorded.weak_form.equations import Equations, equations_of
+from metaid.recorded.weak_form.equations import Equations, Solution, equations_of
 from metaid.recorded.weak_form.folds import folds_of
 from metaid.recorded.weak_form.linear_model import LinearModel
 from metaid.recorded.weak_form.smoothed import Smoothed
@@ -90,18 +90,22 @@ class Search:
 
     def equations(self, windows: tuple[float, int], like: Equations) -> Equations:
         """Those of other windows, with the choices of others."""
-        own = self._by_windows[windows]
-        return replace(own, model=like.model, zeros=like.zeros, delay=like.delay, scale=like.scale)
+        return self._by_windows[windows].with_choices_of(like)
 
-    def missed(self, candidates: Sequence[Equations], of_halves: bool = False) -> list[Missed]:
+    def missed(
+        self,
+        candidates: Sequence[Equations],
+        of_halves: bool = False,
+        solve: Callable[[Equations], list[Solution]] = lambda each: each.without_each,
+    ) -> list[Missed]:
         """What each of several equations leaves of what was left out; `of_halves` of the second half of a whole log
-        alone, as where zeros are unknown.
+        alone, as where zeros are unknown; `solve` says what they tell without each fold (nfold), by default freely.
         """
         yardstick = replace(self.yardstick, of_halves=True) if of_halves else self.yardstick
         solved = {}
         for number, each in enumerate(candidates):
             with suppress(np.linalg.LinAlgError):
-                solved[number] = each, each.without_each
+                solved[number] = each, solve(each)
         held = yardstick.all_judged(list(solved.values()), self.first.model.is_pendulum, STARTS)
         found = dict(zip(solved, held, strict=True))
         return [_missed(each, found.get(number)) for number, each in enumerate(candidates)]

@@ -191,7 +191,7 @@ def equations_like(found: RecordedEstimate, record: Record) -> Equations:
     equations = equations_of([smoothed(record)], chosen.model, chosen.span, chosen.finest.degree)
     if equations is None:
         raise RecordError(f"{record.name}: too short, or no joint moves (allowed: some seconds of motion)")
-    return replace(equations, zeros=chosen.zeros, delay=chosen.delay, scale=chosen.scale)
+    return equations.with_choices_of(chosen)
 
 
 def _zeros(equations: Equations, values: Array) -> Array:
@@ -306,7 +306,7 @@ def _systematic(
         if span > equations.span:
             other = equations_of(logs, equations.model, span, power)
             if other is not None:
-                other = replace(other, zeros=equations.zeros, delay=equations.delay, scale=equations.scale)
+                other = other.with_choices_of(equations)
                 changes.append(other.solved[0].values - free)
             break
     return np.sqrt(np.sum(np.square(changes), axis=0)), tuple(lacking)

@@ -25,7 +25,7 @@ def print_result(result: RecordedResult, has_numbers: bool, whole: bool) -> None
     _print_held_out(shown, result)
     if has_numbers:
         _print_parameters(shown, whole)
-        _print_friction(shown)
+        _print_friction(shown, result)
         if shown["gains"] is not None:
             _print_gains(shown["gains"])
         if whole:
@@ -66,7 +66,8 @@ def _print_held_out(shown: dict[str, Any], result: RecordedResult) -> None:
         ]
         others = [each["torque"]["joints"][i] for each in beside]
         rows.append(cells + [f"{each['relative']:.1%}" if each["of"] else "" for each in others])
-    columns = ["joint", "error", "N m", "of", "nominal", f"mrad {seconds:g} s", "still going"]
+    torque, angle = ("N m, N", "mrad, mm") if result.estimate.model.slides.any() else ("N m", "mrad")
+    columns = ["joint", "error", torque, "of", "nominal", f"{angle} {seconds:g} s", "still going"]
     columns += [each["path"] for each in beside]
     logs, window, read = shown["logs"], shown["window"], shown["friction"]
     note = (
@@ -117,7 +118,7 @@ def _print_parameters(shown: dict[str, Any], whole: bool) -> None:
     )
 
 
-def _print_friction(shown: dict[str, Any]) -> None:
+def _print_friction(shown: dict[str, Any], result: RecordedResult) -> None:
     rows = []
     for curve in shown["friction"]["curve"]:
         cells = [
@@ -125,7 +126,8 @@ def _print_friction(shown: dict[str, Any]) -> None:
             for speed, torque, sd in zip(curve["speed"], curve["torque"], curve["sd"], strict=True)
         ]
         rows.append([curve["joint"], *cells])
-    print_table("friction", ["joint", "slow", "middle", "fast (N m at rad/s)"], rows)
+    units = "N m at rad/s; N at m/s" if result.estimate.model.slides.any() else "N m at rad/s"
+    print_table("friction", ["joint", "slow", "middle", f"fast ({units})"], rows)
 
 
 def _print_gains(gains: list[dict[str, Any]]) -> None:

@@ -220,9 +220,10 @@ def _unexplained(found: RecordedEstimate) -> Iterator[str]:
     if found.misfit >= EXPLAINED and found.held_out.relative >= EXACT:
         held = found.held_out
         worst = int(_moving(found).argmax())
+        unit = "N" if found.model.slides[worst] else "N m"
         yield (
             f"what is left is above the noise of the angles, most in joint {held.joints[worst]} "
-            f"({held.missed[worst]:.3g} of {held.of[worst]:.3g} N m)"
+            f"({held.missed[worst]:.3g} of {held.of[worst]:.3g} {unit})"
         )
     if found.lacking:
         named = first_of(found.lacking, MOST_NAMED, "; ")

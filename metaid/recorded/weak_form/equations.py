@@ -65,6 +65,7 @@ class Equations:
         zeros: whether the zeros of the encoders are unknown.
         delay: by which torques act later than they are logged, in s.
         scale: of the nominal bodies: by which all torques of the logs differ from theirs.
+        doubt: how many times the deviations of the bodies' prior are what they are said to be.
         nlog: how many logs there are, those included that have no part.
         folds: what is held out in turn.
     """
@@ -74,6 +75,7 @@ class Equations:
     zeros: bool
     delay: float = 0.0
     scale: float = 1.0
+    doubt: float = 1.0
     nlog: int = 1
     folds: tuple[Fold, ...] = ()
 
@@ -114,6 +116,11 @@ class Equations:
     def with_model(self, model: LinearModel) -> Equations:
         return replace(self, model=model)
 
+    def with_choices_of(self, other: Equations) -> Equations:
+        """The same windows with all that was chosen beside them."""
+        chosen = {name: getattr(other, name) for name in ("zeros", "delay", "scale", "doubt")}
+        return replace(self, model=other.model, **chosen)
+
     @cached_property
     def solved(self) -> tuple[Solution, list[Array], Blocks]:
         """The solution of all windows, the rows that it was found with (one array a log, nwindow x ntest x njoint x
@@ -132,7 +139,7 @@ class Equations:
         for step in range(passes):
             loads = loads_of(self.parts, model, bodies, zeros)
             rows = [self._rows(*each, bodies, zeros, step > 0) for each in zip(self.parts, loads, strict=True)]
-            prior = prior_of(model, rows, every, self.scale)
+            prior = prior_of(model, rows, every, self.doubt * self.scale)
             for _ in range(ROUNDS):
                 weight = np.asarray(np.linalg.inv(covariance + floor), dtype=np.float64)
                 blocks = self._blocks(rows, weight)

@@ -104,18 +104,18 @@ def beside_zeros(rows: Array, left: Array, nparam: int, weight: Array) -> tuple[
     return rows[..., :nparam] - zero_columns @ explained, left - zero_columns @ taken
 
 
-def prior_of(model: LinearModel, rows: Sequence[Array], torques: Array, scale: float) -> Array:
+def prior_of(model: LinearModel, rows: Sequence[Array], torques: Array, spread: float) -> Array:
     """The precision of the unknowns beforehand (nparam x nparam): of friction next to none.
 
     Args:
         model: what is unknown.
         rows: of each log (nwindow x ntest x njoint x nparam or more).
         torques: averaged, of all logs (nrow x njoint).
-        scale: of the nominal bodies.
+        spread: times the deviations of the nominal bodies.
     """
     nparam, nbody = len(model.names), model.nbody
     precision = np.zeros((nparam, nparam))
-    covariance = scale**2 * model.covariance
+    covariance = spread**2 * model.covariance
     deviations = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     deviations = np.where(deviations > 0.0, deviations, UNCERTAIN * max(float(deviations.max(initial=0.0)), UNCERTAIN))
     correlation = covariance / np.outer(deviations, deviations) + UNCERTAIN * np.eye(nbody)
