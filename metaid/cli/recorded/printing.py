@@ -69,13 +69,14 @@ def _print_held_out(shown: dict[str, Any], result: RecordedResult) -> None:
     torque, angle = ("N m, N", "mrad, mm") if result.estimate.model.slides.any() else ("N m", "mrad")
     columns = ["joint", "error", torque, "of", "nominal", f"{angle} {seconds:g} s", "still going"]
     columns += [each["path"] for each in beside]
-    logs, window, read = shown["logs"], shown["window"], shown["friction"]
+    logs, window, read, doubt = shown["logs"], shown["window"], shown["friction"], result.estimate.equations.doubt
     note = (
         f"{len(logs)} log{'s' if len(logs) > 1 else ''}, {sum(log['rows'] for log in logs)} rows in "
         f"{sum(log['seconds'] for log in logs):.4g} s, of which {window['moving_s']:.4g} s move; windows of "
         f"{window['seconds']:g} s; torques below {window['cutoff_hz']:g} Hz; "
         f"friction: {', '.join(read['terms']) or 'none'}"
         + (f"; torques {1e3 * shown['delay']:.3g} ms late" if shown["delay"] else "")
+        + (f"; the prior of the bodies {doubt:g} times as wide" if doubt > 1.0 else "")
     )
     title = f"{f'{len(logs)} logs' if len(logs) > 1 else shown['name']}: {shown['plant']}, what was left out"
     print_table(title, columns, rows, note, dispensable=["still going", "of", "nominal"])

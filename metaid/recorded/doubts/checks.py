@@ -60,9 +60,18 @@ def facts_of(found: RecordedEstimate, measured: Absolute | None = None) -> tuple
     dead = found.model.passive & ~found.equations.held & (found.held_out.by_joint > DRIVEN)
     driven = tuple(_driven(name) for name in np.array(found.model.joints)[dead].tolist())
     equations = _thinned(found)
-    named = driven if equations is None else (*_named(equations, found, measured), *driven)
+    named = driven if equations is None else (*_confirmed(equations, found, measured), *driven)
     contact = None if named else brief_contact(found)
     return named if contact is None else (contact,)
+
+
+def _confirmed(equations: Equations, found: RecordedEstimate, measured: Absolute | None) -> tuple[Fact, ...]:
+    """The same, without what bodies that are a guess make seem so: it is not named where these are doubted."""
+    named, doubt = _named(equations, found, measured), found.equations.doubt
+    if not named or doubt == 1.0:
+        return named
+    doubted = {fact.option for fact in _named(replace(equations, doubt=doubt), found, measured)}
+    return tuple(fact for fact in named if fact.option in doubted)
 
 
 def _named(equations: Equations, found: RecordedEstimate, measured: Absolute | None) -> tuple[Fact, ...]:

@@ -212,8 +212,9 @@ def _unexplained(found: RecordedEstimate) -> Iterator[str]:
     """What is not explained, at most three sentences."""
     if found.scale != 1.0:
         is_milli = 300.0 < found.scale < 3000.0
+        guess = ", or these are a guess" if found.equations.doubt > 1.0 else ""
         yield (
-            f"all torques are {found.scale:.3g} times what the nominal bodies need: "
+            f"all torques are {found.scale:.3g} times what the nominal bodies need{guess}: "
             + ("mN m? --scale all=0.001" if is_milli else f"motor currents? --scale all={1.0 / found.scale:.2g} or so")
             + "; until then every number is in the unit of the log"
         )
