@@ -122,7 +122,7 @@ def test_workers_that_hang_or_are_killed_at_work_are_replaced(node: Any, problem
 def test_worker_killed_while_it_starts_is_replaced(node: Any, problem: Problem) -> None:
     """Before it has said where it is, or been given anything."""
     before = workers_here()
-    with closing(RayEvaluator(problem, 1, None, patience=30.0)) as evaluator:
+    with closing(RayEvaluator(problem, 1, None, patience=120.0)) as evaluator:
         while not (killed := workers_here() - before):
             time.sleep(0.05)  # it starts for a second: a search for it is dear
         for process in killed:
