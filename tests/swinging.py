@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -10,6 +11,9 @@ from metaid.models import Array
 from metaid.models.tree import Tree, joint_torque
 from metaid.plant import ArmPlant, load_plant
 from metaid.recorded import Record
+
+# What a test is not about is said: to choose it takes longer than all else.
+SAID: dict[str, Any] = {"friction": ("viscous", "coulomb"), "window": 0.2, "delay": 0.0}
 
 
 def swinging(

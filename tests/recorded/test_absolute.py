@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 import pandas as pd
 import pytest
+from swinging import SAID
 
 import metaid
 from metaid.errors import RecordError
@@ -23,10 +24,6 @@ PARALLEL = """<mujoco><worldbody><body><inertial pos="0 0 0.1" mass="1" diaginer
 <joint name="shoulder" axis="0 1 0"/><body pos="0 0 0.3" euler="0 40 0"><inertial pos="0 0 0.1" mass="1"
 diaginertia="0.1 0.1 0.1"/><joint name="elbow" axis="0 -1 0"/><body pos="0 0 0.3"><inertial pos="0 0 0.1" mass="1"
 diaginertia="0.1 0.1 0.1"/><joint name="wrist" axis="0 1 0"/></body></body></body></body></worldbody></mujoco>"""
-
-
-# Said, for to find them takes longer than all else.
-SAID: dict[str, Any] = {"friction": ("viscous", "coulomb"), "window": 0.2, "delay": 0.0}
 
 
 def logs() -> list[pd.DataFrame]:

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 import pandas as pd
 import pytest
+from swinging import SAID
 
 import metaid
 from metaid.errors import PlantError, RecordError
@@ -49,7 +50,7 @@ def test_arm_that_moves_is_found_by_the_names_of_columns(tmp_path: Path) -> None
     """Without the lift, which stands still below it, and without the head, which moves on a branch of its own."""
     nominal = tmp_path / "robot.xml"
     nominal.write_text(robot(1.2))
-    result = metaid.estimate(log_of_motion("right"), nominal, friction=["viscous"], window=0.2, delay=0.0)
+    result = metaid.estimate(log_of_motion("right"), nominal, **SAID)
     assert result.verdict.is_found
     assert result.estimate.model.joints == ("right_shoulder", "right_elbow")
     assert result.nominal_repairs == (

@@ -6,13 +6,13 @@ import re
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import mujoco
 import numpy as np
 import pandas as pd
 import pytest
 from conftest import Finished
+from swinging import SAID
 
 import metaid
 
@@ -24,7 +24,7 @@ ARM = """<mujoco><option timestep="0.002"/><worldbody><body><joint name="shoulde
 <inertial mass="{mass}" pos="0.01 0 0.15" diaginertia="0.01 0.01 0.005"/></body></body></worldbody>
 <actuator><motor joint="shoulder"/><motor joint="elbow"/></actuator></mujoco>"""
 MET = 7.5  # s
-SAID: dict[str, Any] = {"friction": ["viscous"], "window": 0.1, "delay": 0.0, "zeros": False}  # to choose takes longer
+ASKED = SAID | {"friction": ["viscous"], "window": 0.1, "zeros": False}
 
 
 @cache
@@ -47,7 +47,7 @@ def test_end_stop_that_a_joint_meets_once_is_named_with_the_option_that_leaves_i
     """And no longer once it is left out, which is said."""
     log, nominal = log_of_motion(), tmp_path / "arm.xml"
     nominal.write_text(ARM.format(mass=1.2))
-    (fact,) = metaid.estimate(log, nominal, **SAID).facts
+    (fact,) = metaid.estimate(log, nominal, **ASKED).facts
     match = re.match(
         r"\d+% of what is left of joint elbow is about ([\d.]+) s after frame 1 begins, as of an", fact.text
     )
@@ -56,7 +56,7 @@ def test_end_stop_that_a_joint_meets_once_is_named_with_the_option_that_leaves_i
     option = re.fullmatch(r"--leave-out 'frame 1=([\d.]+),([\d.]+)'", fact.option)
     assert option is not None
     stretch = float(option[1]), float(option[2])
-    result = metaid.estimate(log, nominal, **SAID, leave_out={"frame 1": [stretch]})
+    result = metaid.estimate(log, nominal, **ASKED, leave_out={"frame 1": [stretch]})
     assert result.verdict.is_found
     assert not result.facts
     assert result.records[0].repairs[-1].text.endswith(f"from {stretch[0]:g} to {stretch[1]:g} s left out, as asked")
@@ -68,7 +68,7 @@ def test_what_is_left_out_is_not_fitted(tmp_path: Path) -> None:
     nominal.write_text(ARM.format(mass=1.2))
     other = log.copy()
     other.loc[other["time"].between(7.0, 8.0), ["torque_shoulder", "torque_elbow"]] = 50.0
-    one, two = (metaid.estimate(each, nominal, **SAID, leave_out={"frame 1": [(6.9, 8.1)]}) for each in (log, other))
+    one, two = (metaid.estimate(each, nominal, **ASKED, leave_out={"frame 1": [(6.9, 8.1)]}) for each in (log, other))
     assert two.verdict.lumps["identified"].tolist() == pytest.approx(one.verdict.lumps["identified"].tolist(), rel=1e-3)
 
 

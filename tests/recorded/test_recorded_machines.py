@@ -236,19 +236,6 @@ def test_bodies_known_together_alone_are_handed_over_where_they_predict() -> Non
     assert said[2].reasons[-1].startswith("the log shows nothing of the bodies to better than 10%")
 
 
-@pytest.mark.parametrize("times", [1.0, 10.0])
-def test_bodies_that_are_a_guess_are_believed_less_where_that_predicts_better(times: float) -> None:
-    """Those of each link are another's, some times as heavy: half a percent of what was left out is missed at most, and
-    nothing else is named in their place.
-    """
-    tree = swinging_arm()
-    guess = arm_model(tree.with_parameters(times * tree.parameters[::-1]))
-    found = estimate_records((arm_log(noise=1e-4),), guess, Choices(friction=BASE, zeros=False, delay=0.0))
-    assert found.held_out.relative < 0.005
-    assert found.equations.doubt > 1.0
-    assert facts_of(found) == ()
-
-
 def test_joint_with_another_motor_constant_is_named_with_what_it_carries() -> None:
     """Three fifths of its torque are no other unit; the option makes the nominal bodies true."""
     arm = swinging_arm()

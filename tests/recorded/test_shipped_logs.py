@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from conftest import Finished
+from swinging import SAID
 
 import metaid as package
 from benchmarks.real.double_pendulum import by_mujoco, errors
@@ -22,8 +23,7 @@ pytestmark = pytest.mark.slow
 
 STATED = np.array([0.016, 0.035])  # rad: docs/real-plants.md of metaid's .xml for design A.0
 RUNS = shipped_logs("double-pendulum")
-# Said, for to find them takes longer than all else.
-SAID = ("--friction", "viscous,coulomb", "--window", "0.2", "--delay", "0")
+OPTIONS = ("--friction", ",".join(SAID["friction"]), "--window", str(SAID["window"]), "--delay", str(SAID["delay"]))
 
 
 def read(path: Path) -> Log:
@@ -63,7 +63,7 @@ def test_urdf_of_the_builders_predicts_as_well_as_links(metaid: Callable[..., Fi
       {joint.format("shoulder", "base", "one", 0.0)}<axis xyz="0 1 0"/></joint>
       {joint.format("elbow", "one", "two", 0.3)}<axis xyz="0 1 0"/></joint></robot>""")
     by_links, by_urdf = (
-        json.loads(metaid("estimate", "double-pendulum", "--nominal", nominal, *SAID, "--json").out)
+        json.loads(metaid("estimate", "double-pendulum", "--nominal", nominal, *OPTIONS, "--json").out)
         for nominal in ("double-pendulum", str(path))
     )
     assert by_urdf["verdict"] == "approximate"
@@ -76,7 +76,7 @@ def test_command_says_what_a_file_cannot_hold_and_once_what_logs_share(metaid: C
     """A URDF has no rotors, which of this pendulum makes its error four times that of the MJCF. Of two logs as many
     rows are lost, and of another fewer.
     """
-    given = ("double-pendulum", "--nominal", "double-pendulum", *SAID)
+    given = ("double-pendulum", "--nominal", "double-pendulum", *OPTIONS)
     out = metaid("estimate", *given, "-o", "f.urdf", "-o", "f.xml").out
     lost = [line.partition(" rows lost")[0] for line in out.splitlines()[:2]]
     assert lost == ["run1.csv, run3.csv: 5", "run2.csv: 3"]
@@ -103,7 +103,7 @@ def test_error_of_every_log_to_validate_is_printed(metaid: Callable[..., Finishe
     for name, run in zip(names, RUNS, strict=False):
         Path(f"{name}.csv").write_text(run.read_text())
     others = [f"{name}.csv" for name in names]
-    given = (str(RUNS[0]), "--nominal", "double-pendulum", *SAID)
+    given = (str(RUNS[0]), "--nominal", "double-pendulum", *OPTIONS)
     out = metaid("estimate", *given, "--validate", *others).out
     assert all(f"{name}.csv" in out for name in names)
     assert ("logs that nothing was fitted to" in out) == (len(names) > 2)
@@ -111,7 +111,7 @@ def test_error_of_every_log_to_validate_is_printed(metaid: Callable[..., Finishe
 
 def test_what_follows_validate_is_fitted_to_by_nobody(metaid: Callable[..., Finished]) -> None:
     """Named together or each by itself; where no other log is left, that is said."""
-    nominal, (first, *rest) = ("--nominal", "double-pendulum", *SAID, "--json"), map(str, RUNS)
+    nominal, (first, *rest) = ("--nominal", "double-pendulum", *OPTIONS, "--json"), map(str, RUNS)
     together = metaid("estimate", first, "--validate", *rest, *nominal)
     assert json.loads(together.out)["logs"] == json.loads(metaid("estimate", first, *nominal).out)["logs"]
     apart = metaid("estimate", first, *nominal, *(text for each in rest for text in ("--validate", each)))

@@ -9,11 +9,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
+from swinging import SAID
 
 import metaid
 from metaid.models import Array
@@ -24,8 +24,6 @@ pytestmark = pytest.mark.slow
 SECONDS, STEP, SUBSTEPS = 12.0, 0.005, 2  # s of a log, and between two rows, and Runge-Kutta steps in it
 ENCODER = 0.38e-3  # rad
 GRAVITY = 9.81
-# Said where they are not what is asked for: to find them takes longest.
-SAID: dict[str, Any] = {"friction": ("viscous", "coulomb"), "window": 0.2, "delay": 0.0}
 Pair = tuple[float, float]
 Accelerate = Callable[[float, float, float, float, Pair], Pair]
 
