@@ -54,7 +54,7 @@ class Prepared:
         so with the torques `rigid` of the bodies (nrow x njoint).
         """
         motion = self.motion
-        friction = self.model.friction_columns(motion.speeds, motion.accelerations, self.sliding, rigid)
+        friction = self.model.friction_columns(motion.angles, motion.speeds, motion.accelerations, self.sliding, rigid)
         return np.concatenate([self.bodies, friction], axis=-1)
 
     def rigid(self, values: Array) -> Array:

@@ -165,6 +165,8 @@ static inline void ${name}_inverse_dynamics(const double q[], const double qd[],
 %load     static const double load[N] = $load;
 %offset     /* of each joint, in N m: torque that is always there */
 %offset     static const double offset[N] = $offset;
+%spring     /* of each joint, in N m/rad: torque that grows with q */
+%spring     static const double spring[N] = $spring;
     double friction[M];
     int i;
 
@@ -183,9 +185,11 @@ static inline void ${name}_inverse_dynamics(const double q[], const double qd[],
 %load             dry += load[i] * fabs(torque[i]);
         friction[i] = damping[i] * speed + share * dry;
     }
-    for (i = 0; i < N; i++)
-%!offset         torque[i] += friction[i];
-%offset         torque[i] += friction[i] + offset[i];
+    for (i = 0; i < N; i++) {
+        torque[i] += friction[i];
+%offset         torque[i] += offset[i];
+%spring         torque[i] += spring[i] * q[i];
+    }
 %pairs     for (i = N; i < M; i++) {
 %pairs         const int first = coupled[i - N][0], second = coupled[i - N][1];
 %pairs         const double together = coupled_rotor[i - N] * (qdd[first] + qdd[second]) + friction[i];

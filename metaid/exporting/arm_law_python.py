@@ -28,6 +28,7 @@ STILL = $still  # rad/s (m/s): what is slower has that share of its dry friction
 %load # Of each joint: dry friction as a share of the size of the torque of bodies and rotors.
 %load LOAD = $load
 %offset OFFSET = $offset  # of each joint, in N m (N): torque that is always there
+%spring SPRING = $spring  # of each joint, in N m/rad (N/m): torque that grows with q
 %pairs COUPLED = $coupled  # pairs of joints, from 0 on, each with a motor that turns with the sum of both
 %pairs COUPLED_ROTOR = $coupled_rotor  # of each of these motors, in kg m^2
 
@@ -72,6 +73,7 @@ def torque(q, qd):
     friction = [damping * v + part * whole for damping, v, part, whole in zip(DAMPING, speeds, share, dry)]
     torques = [rigid + each for rigid, each in zip(torques, friction)]
 %offset     torques = [each + offset for each, offset in zip(torques, OFFSET)]
+%spring     torques = [each + spring * turned for each, spring, turned in zip(torques, SPRING, q)]
 %pairs     for (i, j), rotor, each in zip(COUPLED, COUPLED_ROTOR, friction[len(MASS) :]):
 %pairs         together = rotor * (qdd[i] + qdd[j]) + each
 %pairs         torques[i] += together

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.exporting.laws import ArmLaw, ChainLaw, Law
-from metaid.exporting.xml_files import Couple
+from metaid.exporting.xml_files import Couple, Spring
 from metaid.models import FRICTION, Array, Chain, Lumps, chain_of_lumps
 from metaid.models.tree import ArmPrior, Tree, planar_tree, possible_bodies
 
@@ -30,6 +30,7 @@ class Dynamics:
         notes: what to know of the bodies, in sentences without a full stop.
         is_chain: whether it is a planar chain, and no arm.
         couples: motors of the links that turn with the sum of two joints.
+        springs: in the joints.
         besides: what was found beside it and no file has, in a sentence without a full stop; none where it is empty.
     """
 
@@ -39,6 +40,7 @@ class Dynamics:
     notes: tuple[str, ...]
     is_chain: bool
     couples: tuple[Couple, ...] = ()
+    springs: tuple[Spring, ...] = ()
     besides: str = ""
 
 

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from metaid.errors import StudyError, printable
 from metaid.exporting.dynamics import Dynamics
 from metaid.exporting.laws import Law, c_name
-from metaid.exporting.xml_files import mjcf, not_in_urdf, urdf
+from metaid.exporting.xml_files import mjcf, not_in_urdf, urdf, without_springs
 from metaid.frames import json_rows
 from metaid.models import Array
 from metaid.models.tree import Tree
@@ -154,6 +154,8 @@ class IdentifiedModel:
             said.append("rotors are not in a plant file")
         if suffix == ".urdf" and self.dynamics.tree is not None:
             said += not_in_urdf(self.dynamics.tree, self.dynamics.couples)
+        if suffix in (".urdf", ".toml") and self.dynamics.tree is not None:
+            said += without_springs(self.dynamics.tree, self.dynamics.springs)
         return said
 
     def write(self, path: str | Path) -> None:
@@ -199,8 +201,8 @@ class IdentifiedModel:
 
 
 def _mjcf(model: IdentifiedModel) -> str:
-    couples = model.dynamics.couples
-    return mjcf(model.tree, printable(model.name), model.timestep, model.heading(".xml"), couples)
+    besides = model.dynamics.couples, model.dynamics.springs
+    return mjcf(model.tree, printable(model.name), model.timestep, model.heading(".xml"), *besides)
 
 
 def _urdf(model: IdentifiedModel) -> str:

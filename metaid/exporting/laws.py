@@ -110,7 +110,7 @@ class ArmLaw:
         """
         friction, steady = self.joint_friction, np.zeros_like(speeds)
         rigid = self._rigid(angles, speeds, steady)
-        return rigid + friction.torque(speeds, steady, rigid, friction.sliding.at(speeds))
+        return rigid + friction.torque(angles, speeds, steady, rigid, friction.sliding.at(speeds))
 
     def inverse_dynamics(self, angles: Array, speeds: Array, accelerations: Array) -> Array:
         """As that of a chain. Rows (... x nrow x njoint) are in the order of time: where dry friction has pre-sliding
@@ -119,7 +119,7 @@ class ArmLaw:
         friction, rigid = self.joint_friction, self._rigid(angles, speeds, accelerations)
         sliding = friction.sliding
         slip = sliding.at(speeds) if angles.ndim == 1 else sliding.along(angles, speeds)
-        return rigid + friction.torque(speeds, accelerations, rigid, slip)
+        return rigid + friction.torque(angles, speeds, accelerations, rigid, slip)
 
     def mass_matrix(self, angles: Array) -> Array:
         bodies = joint_mass_matrix(self.tree.with_parameters(self.parameters), angles)
@@ -152,6 +152,7 @@ class ArmLaw:
             "bent": sliding.means(sliding.bent),
             "load": friction.of("load")[: self.njoint],
             "offset": friction.of("offset")[: self.njoint],
+            "spring": friction.of("spring")[: self.njoint],
             "coupled": np.array(sliding.coupled, dtype=np.intp).reshape(-1, 2),
             "coupled_rotor": friction.coupled_rotor,
         }
@@ -180,7 +181,7 @@ def c_name(name: str) -> str:
 
 def _kept(template: str, constants: Constants) -> str:
     """The lines of a template that a robot with these constants needs, without the %words that say so."""
-    words = ("root", "load", "offset", "rotor", "bent")
+    words = ("root", "load", "offset", "spring", "rotor", "bent")
     has = {word: word in constants and bool(np.any(constants[word])) for word in words}
     has |= {"dahl": bool(np.any(constants.get("presliding", 0.0))), "pairs": len(constants.get("coupled", ())) > 0}
     lines = []

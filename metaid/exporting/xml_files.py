@@ -36,6 +36,29 @@ class Couple:
     coulomb: float
 
 
+@dataclass(frozen=True)
+class Spring:
+    """A spring in a joint, as an MJCF can hold it.
+
+    Attributes:
+        joint: from 0 on.
+        stiffness: in N m/rad, of a slide in N/m.
+        slack: the joint coordinate at which it is, in rad or m.
+    """
+
+    joint: int
+    stiffness: float
+    slack: float
+
+
+def springs_of(friction: JointFriction) -> tuple[Spring, ...]:
+    """The springs beside a `friction`; a constant torque in their joints moves where they are slack."""
+    stiffness, offset = friction.of("spring"), friction.of("offset")
+    joints = np.flatnonzero(stiffness)
+    slack = -offset[joints] / stiffness[joints]
+    return tuple(map(Spring, joints.tolist(), stiffness[joints].tolist(), slack.tolist()))
+
+
 def couples_of(friction: JointFriction) -> tuple[Couple, ...]:
     """The coupled motors of a `friction`, without their friction by the root of the speed."""
     n = friction.sliding.njoint
@@ -51,12 +74,19 @@ def not_in_xml(friction: JointFriction) -> list[str]:
         "friction by the root of the speed": friction.of("root").any(),
         "pre-sliding": friction.sliding.builds_up,
         "dry friction that bends near rest": friction.sliding.bent.any(),
-        "constant torque": friction.of("offset").any(),
+        "constant torque": friction.of("offset")[friction.of("spring") == 0.0].any(),
     }
     return [f"this format has no {term}" for term, is_there in terms.items() if is_there]
 
 
-def mjcf(tree: Tree, name: str, timestep: float, heading: Sequence[str], couples: Sequence[Couple] = ()) -> str:
+def mjcf(
+    tree: Tree,
+    name: str,
+    timestep: float,
+    heading: Sequence[str],
+    couples: Sequence[Couple] = (),
+    springs: Sequence[Spring] = (),
+) -> str:
     """An MJCF that MuJoCo loads as it is. A motor that turns with the sum of two joints is a fixed tendon over both.
 
     Dry friction is as sharp as MuJoCo lets it be at this timestep, two of which are its time constant, and nearly
@@ -68,8 +98,9 @@ def mjcf(tree: Tree, name: str, timestep: float, heading: Sequence[str], couples
         timestep: in s.
         heading: lines of the comment at the top.
         couples: motors that turn with the sum of two joints.
+        springs: in joints.
     """
-    root = Element("mujoco", model=name)
+    root, sprung = Element("mujoco", model=name), {spring.joint: spring for spring in springs}
     SubElement(root, "compiler", angle="radian", autolimits="true")
     SubElement(root, "option", timestep=_text(timestep), gravity=_text(*tree.gravity), integrator="Euler")
     body = SubElement(root, "worldbody")
@@ -86,6 +117,9 @@ def mjcf(tree: Tree, name: str, timestep: float, heading: Sequence[str], couples
             joint.set("range", _text(tree.low[i], tree.high[i]))
         if math.isfinite(tree.torque_limit[i]):
             joint.set("actuatorfrcrange", _text(-tree.torque_limit[i], tree.torque_limit[i]))
+        if i in sprung:
+            joint.set("stiffness", _text(sprung[i].stiffness))
+            joint.set("springref", _text(sprung[i].slack))
         _set_moved(joint, tree.rotor[i], tree.damping[i], tree.coulomb[i], timestep)
     tendons = SubElement(root, "tendon") if couples else root
     for couple in couples:
@@ -140,6 +174,16 @@ def urdf(tree: Tree, name: str, heading: Sequence[str]) -> str:
         SubElement(joint, "dynamics", damping=_text(tree.damping[i]), friction=_text(tree.coulomb[i]))
         before = link
     return _written(root, heading)
+
+
+def without_springs(tree: Tree, springs: Sequence[Spring]) -> list[str]:
+    """What a file that holds no `springs` lacks, in sentences without a full stop."""
+    said = []
+    for spring in springs:
+        turn, move = ("m", "N/m") if tree.slides[spring.joint] else ("rad", "N m/rad")
+        where = f"{spring.stiffness:.6g} {move}, slack at {spring.slack:.6g} {turn}"
+        said.append(f"this file has no springs; joint {tree.names[spring.joint]} has one of {where}")
+    return said
 
 
 def not_in_urdf(tree: Tree, couples: Sequence[Couple] = ()) -> list[str]:

@@ -15,7 +15,7 @@ import numpy as np
 from metaid.models import Array
 from metaid.models.tree import COLUMNS
 from metaid.recorded.comparing import Missed, Search
-from metaid.recorded.friction_terms import with_friction
+from metaid.recorded.friction_terms import with_friction, with_springs
 from metaid.recorded.held_out import Yardstick
 from metaid.recorded.weak_form.equations import Equations, Solution, first_equations
 from metaid.recorded.weak_form.folds import folds_of
@@ -92,9 +92,11 @@ def choose(logs: Sequence[Smoothed], model: LinearModel, choices: Choices, scale
     if choices.zeros is None:
         present, missed = _with_zeros(search, present, missed)
     present, missed = with_friction(search, present, missed, asked)
-    certain = present
+    plain = present
     present, missed = _with_doubt(search, present, missed)
-    if present is not certain:
+    if asked is None:
+        present, missed = with_springs(search, present, missed)
+    if present is not plain:
         present, missed = with_friction(search, present, missed, asked)
     present, missed = _best_windows(search, present)
     at_bound = False

@@ -24,13 +24,14 @@ COVERED = 0.5  # of the time that any windows cover: where fewer rows were read,
 
 
 class Missed(NamedTuple):
-    """The error of what was left out: of the `whole`, of the torque of each joint (njoint), and which joints count by
-    themselves (njoint).
+    """The error of what was left out: of the `whole`, of the torque of each joint (njoint), which joints count by
+    themselves (njoint), and of each fold (nfold).
     """
 
     whole: float
     by_joint: Array
     counts: NDArray[np.bool_]
+    by_fold: Array
 
     def shares(self, before: Missed, joints: NDArray[np.bool_] | None = None) -> tuple[float, float]:
         """The error as a share of that `before`: of the whole, and of one of the `joints` (njoint; by default all) in
@@ -44,6 +45,13 @@ class Missed(NamedTuple):
     def gains(self, before: Missed) -> NDArray[np.bool_]:
         """Which joints (njoint) are predicted better by WORTH; all where none counts by itself."""
         return np.asarray(self.counts & (self.by_joint < WORTH * before.by_joint) | ~self.counts.any())
+
+    def is_agreed(self, before: Missed) -> bool:
+        """Whether folds are predicted better by more than they differ in that: the mean of the logarithms of their
+        errors, as shares of those `before`, is below 0 by a standard error.
+        """
+        shares = np.log(np.maximum(self.by_fold, 1e-300) / np.maximum(before.by_fold, 1e-300))
+        return bool(shares.mean() < -shares.std(ddof=1) / np.sqrt(len(shares)))
 
     def is_worth(self, before: Missed, joints: NDArray[np.bool_] | None = None) -> bool:
         """Whether all joints together are predicted better by WORTH, or one of the `joints` (njoint; by default all) is
@@ -121,7 +129,9 @@ def _missed(equations: Equations, held: HeldOut | None) -> Missed:
     """What equations leave, of a pendulum by its motion; without bound where they have no solution."""
     model = equations.model
     if held is None:
-        return Missed(float("inf"), np.full(model.njoint, np.inf), np.zeros(model.njoint, dtype=bool))
+        return Missed(
+            float("inf"), np.full(model.njoint, np.inf), np.zeros(model.njoint, dtype=bool), np.full(1, np.inf)
+        )
     if model.is_pendulum and len(held.motions):
-        return Missed(held.motion, held.by_joint, np.zeros(model.njoint, dtype=bool))
-    return Missed(held.relative, held.by_joint, ~(model.untrusted | equations.held))
+        return Missed(held.motion, held.by_joint, np.zeros(model.njoint, dtype=bool), held.motions)
+    return Missed(held.relative, held.by_joint, ~(model.untrusted | equations.held), held.folds)

@@ -46,7 +46,7 @@ class RecordedEstimate:
         model: what is unknown.
         chosen: windows, terms, zeros and delay, and how they were chosen.
         possible: the model that can be, with the unknowns as they are handed over (nparam).
-        simulator: the same with the terms of friction alone that a simulator has: viscous and Coulomb friction.
+        simulator: the same with what a simulator has alone: viscous and Coulomb friction, and springs.
         simulator_model: what is unknown of that.
         covariance: of the unknowns, from repetition (nparam x nparam), in their units.
         systematic: standard deviations of what wrong zeros, scales or geometry would change (nparam).
@@ -140,7 +140,7 @@ def estimate_records(
     equations, yardstick = chosen.equations, chosen.yardstick
     starts = MANY_STARTS if model.is_pendulum else FEW_STARTS
     possible, solutions = _possible(equations, logs)
-    plain = equations.with_model(equations.model.with_friction(BASE))
+    plain = equations.with_model(_for_simulators(equations.model))
     simulator, simulator_solutions = _possible(plain, logs)
     repeated = np.array([each.values for each in solutions])
     covariance = _widened(_projected(equations, possible), repeated)
@@ -171,6 +171,12 @@ def estimate_records(
         moved=float(sum(own.judged.sum() * own.period for own in logs)),
         gains=gains,
     )
+
+
+def _for_simulators(model: LinearModel) -> LinearModel:
+    """The same with what a simulator has alone: plain friction, and springs that are slack somewhere."""
+    sprung, plain = np.isin(np.arange(model.njoint), model.having("spring")), model.with_friction(BASE)
+    return plain.with_term("spring", sprung).with_term("offset", sprung) if sprung.any() else plain
 
 
 def _with_idle(model: LinearModel, logs: Sequence[Smoothed]) -> LinearModel:

@@ -16,6 +16,7 @@ from metaid.recorded.weak_form.linear_model import LinearModel
 
 PRESLIDING = (1e-4, 3e-4, 1e-3, 3e-3)  # rad or m, of all joints alike
 BENT = (2.0, 7.0, 20.0)  # times the speed below which dry friction is cut short, of all joints alike, and the most
+SPRING, SPRUNG = "spring", 0.95  # of the error that springs leave at most: beyond what a log reaches they grow
 FINER = (0.3, 0.55, 1.0, 1.8, 3.3, 6.0, 10.0)  # times either, of each joint by itself
 Further = tuple[str, NDArray[np.bool_], Callable[[NDArray[np.bool_]], LinearModel]]
 
@@ -52,14 +53,43 @@ def with_friction(
     return present, missed
 
 
+def with_springs(search: Search, present: Equations, missed: Missed) -> tuple[Equations, Missed]:
+    """Equations with springs, each slack somewhere, where all joints together are far better predicted by them, and
+    folds agree in that: in the joints without whose own spring what is left out would be predicted worse. And what
+    these leave.
+
+    Args:
+        search: what is compared.
+        present: what is chosen.
+        missed: what that leaves.
+    """
+    model, n = present.model, present.model.njoint
+
+    def sprung(joints: NDArray[np.bool_]) -> Equations:
+        return present.with_model(model.with_term(SPRING, joints).with_term("offset", joints))
+
+    found = search.missed([sprung(np.ones(n, dtype=np.bool_))])[0]
+    search.tried.append((SPRING, found.shares(missed)[0]))
+    if found.shares(missed)[0] > SPRUNG:
+        return present, missed
+    each = ~np.eye(n, dtype=np.bool_)
+    without = search.missed([sprung(joints) for joints in each])
+    needed = np.array([found.is_worth(less, ~joints) for less, joints in zip(without, each, strict=True)])
+    other = sprung(needed)
+    found = search.missed([other])[0]
+    search.tried.append((f"spring of {', '.join(np.array(model.joints)[needed])}", found.shares(missed)[0]))
+    is_worth = found.shares(missed)[0] <= SPRUNG and found.is_agreed(missed)
+    return (other, found) if is_worth else (present, missed)
+
+
 def _further(model: LinearModel) -> Iterator[Further]:
     """What may be added to the friction of a model: its name, the joints that lack it (njoint), and the model with it
     in some of them.
     """
-    n, presliding = model.njoint, model.sliding.presliding
+    presliding = model.sliding.presliding
     for term in COLUMNS:
-        lacks = ~np.isin(np.arange(n), model.having(term))
-        if lacks.any():
+        lacks = _lacks(model, term)
+        if lacks.any() and term != SPRING:
             yield term, lacks, partial(model.with_term, term)
     for size in PRESLIDING if (presliding == 0.0).any() else ():
         more = partial(_with_presliding, model, size)
@@ -68,6 +98,11 @@ def _further(model: LinearModel) -> Iterator[Further]:
     for factor in BENT if at_once.any() and {"coulomb", "root"} & set(model.friction) else ():
         bent = partial(_with_bent, model, factor * model.sliding.still)
         yield f"dry friction bent, v = {factor:.0f} % of usual speeds", at_once, bent
+
+
+def _lacks(model: LinearModel, term: str) -> NDArray[np.bool_]:
+    """The joints (njoint) without a `term`."""
+    return ~np.isin(np.arange(model.njoint), model.having(term))
 
 
 def _with_presliding(model: LinearModel, size: float, joints: NDArray[np.bool_]) -> LinearModel:

@@ -91,10 +91,10 @@ def simulated(begun: Sequence[Begun], delay: float) -> list[Motion]:
     constant = angles + steps * period * speeds - seen
     rubbing = JointFriction.beside([each.model.friction_at(each.values) for each in begun], sizes)
     dynamics, rest = model.dynamics(bodies), np.zeros_like(speeds)
-    spun = rubbing.mass_matrix
+    spun, springs = rubbing.mass_matrix, rubbing.of("spring")[..., :n]
 
     def friction(speeds: Array, rigid: Array) -> Array:
-        return rubbing.torque(speeds, rest, rigid, rubbing.sliding.after(sliding, speeds, step))
+        return rubbing.torque(rest, speeds, rest, rigid, rubbing.sliding.after(sliding, speeds, step))
 
     def resisting(before: Array, after: Array, present: Array, rigid: Array) -> Array:
         """How friction at the end of a step grows with the speeds there (nstart x njoint): linear between those at both
@@ -122,7 +122,8 @@ def simulated(begun: Sequence[Begun], delay: float) -> list[Motion]:
         stiff = matrices + spun + step * growth[:, :, None] * np.eye(n)
         is_lost = ~(np.isfinite(stiff).all(axis=(1, 2)) & (np.abs(speeds).max(axis=1) < RUNAWAY))
         stiff = np.where(is_lost[:, None, None], np.eye(n), stiff)
-        return np.asarray(np.linalg.solve(stiff, (torques - bias)[..., None])[..., 0], dtype=np.float64)
+        left = torques - bias - springs * angles
+        return np.asarray(np.linalg.solve(stiff, left[..., None])[..., 0], dtype=np.float64)
 
     with np.errstate(all="ignore"):
         for torques in sent.swapaxes(0, 1):

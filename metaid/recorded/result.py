@@ -72,8 +72,8 @@ def estimate(
         validate: a log, or several, that nothing is fitted to.
         payloads: logs with a payload, which tell the gains of the drives; torques are multiplied with these.
         law: the plant that the torques compensated, where the logs have none.
-        friction: the terms of every joint, of viscous, coulomb, root, offset, load, and hysteresis or bent; by default
-            those that predict best what is left out.
+        friction: the terms of every joint, of viscous, coulomb, root, offset, load, spring, and hysteresis or bent; by
+            default those that predict best what is left out.
         coupled: pairs of joints, from 1 on, whose motors are coupled.
         scale: by joint, or of `all`, what the logged torques are multiplied with.
         zero: by joint, in rad, what is added to the logged angles.

@@ -22,6 +22,7 @@ from metaid.exporting import (
     mjcf,
     not_in_urdf,
     not_in_xml,
+    springs_of,
     urdf,
 )
 from metaid.models import Array
@@ -33,13 +34,14 @@ needs_compiler = pytest.mark.skipif(shutil.which("cc") is None, reason="there is
 
 
 def friction_of(tree: Tree, coupled: tuple[tuple[int, int], ...] = COUPLED) -> JointFriction:
-    """All terms; two joints have no pre-sliding."""
+    """All terms; two joints have no pre-sliding, two no spring, and one a spring that pushes away."""
     random, n, m = np.random.default_rng(0), tree.njoint, len(coupled)
     presliding = random.uniform(0.5e-3, 1e-3, n)
     presliding[[0, 3]] = 0.0
     viscous, coulomb, root, offset, load, still = random.uniform(0.1, 0.5, (6, n))
     rotor, viscous_2, coulomb_2, root_2 = random.uniform(0.1, 0.5, (4, m))
-    alone, none = {"offset": offset, "load": 0.1 * load}, np.zeros(m)
+    spring = np.where(np.arange(n) % 3 == 1, 0.0, random.uniform(1.0, 5.0, n)) * np.where(np.arange(n) == 2, -1.0, 1.0)
+    alone, none = {"offset": offset, "load": 0.1 * load, "spring": spring}, np.zeros(m)
     terms = {name: np.append(values, none) for name, values in alone.items()}
     terms["viscous"], terms["coulomb"] = np.append(viscous, viscous_2), np.append(coulomb, coulomb_2)
     terms["root"] = np.append(root, root_2)
@@ -54,8 +56,9 @@ def without_presliding(friction: JointFriction) -> JointFriction:
 
 
 def plain(friction: JointFriction) -> JointFriction:
-    """What an MJCF can hold of it."""
-    terms = {name: friction.of(name) for name in ("viscous", "coulomb")}
+    """What an MJCF can hold of it: constant torques beside springs alone."""
+    terms = {name: friction.of(name) for name in ("viscous", "coulomb", "spring")}
+    terms["offset"] = np.where(friction.of("spring") == 0.0, 0.0, friction.of("offset"))
     return replace(friction, terms=terms, sliding=Sliding.at_once(friction.sliding.still, friction.sliding.coupled))
 
 
@@ -72,8 +75,8 @@ def formula(tree: Tree, friction: JointFriction, q: Array, v: Array, a: Array) -
     ideal = replace(tree, damping=np.zeros(tree.njoint), coulomb=np.zeros(tree.njoint))
     rigid = joint_torque(ideal, q, v, a)
     n, pairs, sliding = tree.njoint, friction.sliding.coupled, friction.sliding
-    viscous, coulomb, root, offset, load = (friction.of(term) for term in COLUMNS)
-    torques = rigid + viscous[:n] * v + offset[:n]
+    viscous, coulomb, root, offset, load, spring = (friction.of(term) for term in COLUMNS)
+    torques = rigid + viscous[:n] * v + offset[:n] + spring[:n] * q
     each = sliding.presliding, sliding.still, sliding.bent
     columns = [(q[:, i], v[:, i], *(own[i] for own in each)) for i in range(n)]
     for i, j in pairs:
@@ -190,19 +193,16 @@ def test_simple_file_says_nothing_of_what_it_has_not() -> None:
     """A study's arm has viscous and dry friction alone."""
     law = ArmLaw(PUMA, PUMA.parameters)
     for text in (law.python(), law.c("arm")):
-        assert not [
-            word
-            for word in ("slip", "slide(", "root", "offset[", "OFFSET", "load[N]", "LOAD", "coupled", "%")
-            if word in text
-        ]
+        words = ("slip", "slide(", "root", "offset[", "OFFSET", "load[N]", "LOAD", "spring", "SPRING", "coupled", "%")
+        assert not [word for word in words if word in text]
 
 
-def test_mjcf_with_coupled_joints_predicts_what_the_formula_says(tmp_path: Path) -> None:
+def test_mjcf_with_coupled_joints_and_springs_predicts_what_the_formula_says(tmp_path: Path) -> None:
     """MuJoCo's own inverse dynamics, at speeds where its dry friction is whole."""
     friction = plain(FRICTIONS["everything"])
     tree = replace(PUMA, damping=friction.of("viscous")[:6], coulomb=friction.of("coulomb")[:6])
     path = tmp_path / "arm.xml"
-    path.write_text(mjcf(tree, "arm", 0.002, ["an arm"], couples_of(friction)), encoding="utf-8")
+    path.write_text(mjcf(tree, "arm", 0.002, ["an arm"], couples_of(friction), springs_of(friction)), encoding="utf-8")
     random = np.random.default_rng(2)
     q, a = random.uniform(-0.5, 0.5, (2, 30, 6))
     v = random.uniform(0.5, 1.0, (30, 6)) * random.choice([-1.0, 1.0], (30, 1))

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 MODEL_HELP = "Write .xml .urdf .py .h .toml .json, or torque.pdf."
 NOMINAL_HELP = "A plant's name or file, an MJCF or URDF."
 PAYLOAD_HELP = "A log with this weight, which tells drives' gains."
-FRICTION_HELP = "Of viscous,coulomb,root,offset,load,hysteresis,bent."
+FRICTION_HELP = "As viscous,coulomb,spring; a wrong one lists all."
 ABSOLUTE_HELP = "Read against the base; JOINT:motor: torque, too."
 NOT_FOUND = 3  # exit status
 

@@ -94,7 +94,7 @@ def _print_validation(logs: list[dict[str, Any]]) -> None:
 
 
 def _print_parameters(shown: dict[str, Any], whole: bool) -> None:
-    friction = ("damping", "coulomb", "root", "offset", "load")
+    friction = ("damping", "coulomb", "root", "offset", "load", "spring")
     every = shown["parameters"]
     bodies = [each for each in every if whole or not each["name"].startswith(friction)]
     known = [each for each in bodies if whole or each["determined"]] or bodies

@@ -1,9 +1,9 @@
-"""The friction of joints, and of motors that turn with the sum of two joints.
+"""The friction and springs of joints, and friction of motors that turn with the sum of two joints.
 
 Friction of a motor is any of: viscous q̇, Coulomb s, root s √|q̇| (which bends between rest and fast motion as lubricated
-gears do), an offset of the torque, and load s |τ_rigid|. The sliding state s is the sign of the speed, cut short below
-a slow speed, or tanh(q̇/v), or, where there is pre-sliding, a state that builds up over a displacement (Dahl).  Eqs. 66
-and 67.
+gears do), an offset of the torque, and load s |τ_rigid|; a joint may have a spring q, too. The sliding state s is the
+sign of the speed, cut short below a slow speed, or tanh(q̇/v), or, where there is pre-sliding, a state that builds up
+over a displacement (Dahl).  Eqs. 66 and 67.
 """
 
 from __future__ import annotations
@@ -16,21 +16,24 @@ import numpy as np
 
 from metaid.models.lumps import Array
 
-COLUMNS = ("viscous", "coulomb", "root", "offset", "load")  # terms that are linear in what is unknown of them
+COLUMNS = ("viscous", "coulomb", "root", "offset", "load", "spring")  # terms that are linear in what is unknown of them
 SHARED = ("viscous", "coulomb", "root")  # by two joints whose motors are coupled
 
 
-def friction_torque(term: str, speeds: Array, sliding: Array, rigid: Array) -> Array:
+def friction_torque(term: str, coordinates: Array, speeds: Array, sliding: Array, rigid: Array) -> Array:
     """The torque (...) for a unit of one term of friction, in N m or N.
 
     Args:
         term: one of COLUMNS.
+        coordinates: of the joint (...), in rad or m.
         speeds: of the joint (...), in rad/s or m/s.
         sliding: its state of dry friction (...), from −1 to 1.
         rigid: the torque of its bodies (...), in N m or N.
     """
     if term == "viscous":
         return speeds
+    if term == "spring":
+        return coordinates
     if term == "offset":
         return np.ones_like(speeds)
     if term == "load":
@@ -153,8 +156,8 @@ class JointFriction:
     Attributes:
         sliding: how dry friction follows the motion.
         terms: of each motor (... x nmotor each), by COLUMNS; what is not named is 0. Those of hinges are in N m s, N m,
-            N m √s and N m, of slides in N and m in place of N m and rad; load is a share. Coupled motors have SHARED
-            alone.
+            N m √s, N m and N m/rad, of slides in N and m in place of N m and rad; load is a share. Coupled motors have
+            SHARED alone.
         coupled_rotor: inertia of the coupled motors (... x npair), in kg m².
     """
 
@@ -186,21 +189,22 @@ class JointFriction:
         """A term of each motor (nmotor)."""
         return self.terms.get(term, np.zeros(self.sliding.nmotor))
 
-    def torque(self, v: Array, a: Array, rigid: Array, slip: Array) -> Array:
-        """What friction and the rotors of coupled motors need (... x njoint), in N m.
+    def torque(self, q: Array, v: Array, a: Array, rigid: Array, slip: Array) -> Array:
+        """What friction, springs and the rotors of coupled motors need (... x njoint), in N m.
 
         Args:
+            q: coordinates of the joints (... x njoint), in rad.
             v: speeds of the joints (... x njoint), in rad/s.
             a: accelerations of the joints (... x njoint), in rad/s².
             rigid: what bodies and the joints' own rotors need at that state (... x njoint), in N m.
             slip: the share of its dry friction that each motor has (... x nmotor).
         """
         sliding = self.sliding
-        speeds, loads = sliding.of_motors(v), sliding.of_motors(rigid)
+        turned, speeds, loads = (sliding.of_motors(each) for each in (q, v, rigid))
         torques = np.zeros(np.broadcast_shapes(speeds.shape, loads.shape))
         torques[..., sliding.njoint :] = self.coupled_rotor * sliding.of_motors(a)[..., sliding.njoint :]
         for term, values in self.terms.items():
-            torques += values * friction_torque(term, speeds, slip, loads)
+            torques += values * friction_torque(term, turned, speeds, slip, loads)
         return sliding.of_joints(torques)
 
     @property

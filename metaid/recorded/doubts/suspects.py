@@ -25,7 +25,12 @@ SHIFT = 1e-5  # rad or m, for the derivative by an angle, and by where a joint i
 THINNED = 4  # nodes: what is suspected need not be known as exactly as what is found
 BENDS = 10.0  # times the speed below which dry friction is a share of its whole: there friction bends
 SCALE = 0.1  # how much the torques of a joint may be larger than they are said to be, a standard deviation
-MISSING = {"viscous": "viscous friction", "coulomb": "dry friction", "offset": "a constant torque"}
+MISSING = {
+    "viscous": "viscous friction",
+    "coulomb": "dry friction",
+    "offset": "a constant torque",
+    "spring": "a spring",
+}
 OFF = 0.01  # rad: how far an encoder may be off that nobody has asked about
 
 
@@ -113,7 +118,6 @@ def suspects(equations: Equations, values: Array, scales: bool) -> Iterator[Susp
         """What each joint has by itself (nwindow x nnode x njoint), averaged, as columns."""
         return part.windows.averaged(at_nodes)[..., None] * np.eye(n)
 
-    yield Suspect("a spring", [of_each(part, part.windows.coordinates) for part in parts], every)
     for term, words in MISSING.items():
         lacking = sorted(set(every) - set(model.having(term)))
         if lacking:
@@ -121,6 +125,7 @@ def suspects(equations: Equations, values: Array, scales: bool) -> Iterator[Susp
                 "viscous": lambda part: part.windows.speeds,
                 "coulomb": lambda part: part.sliding(model)[..., :n],
                 "offset": lambda part: np.ones_like(part.windows.speeds),
+                "spring": lambda part: part.windows.coordinates,
             }
             yield Suspect(words, [of_each(part, shapes[term](part))[..., lacking] for part in parts], tuple(lacking))
     at_once = np.flatnonzero((model.sliding.presliding == 0.0) & (model.sliding.bent == 0.0)).tolist()
@@ -132,7 +137,7 @@ def suspects(equations: Equations, values: Array, scales: bool) -> Iterator[Susp
         yield Suspect("friction that bends near rest", columns, tuple(at_once))
     if not equations.zeros:
         zeros = np.zeros(n)
-        columns = [part.zero_columns(model, values[: model.nbody], zeros) for part in parts]
+        columns = [part.zero_columns(model, values, zeros) for part in parts]
         yield Suspect("an offset of the encoder", columns, every, np.full(n, OFF))
     driven = np.flatnonzero(~(model.passive | model.untrusted)).tolist()
     if scales and len(driven) > 1:  # of one joint, or of all, no log shows it

@@ -72,10 +72,10 @@ def friction_curves(found: RecordedEstimate, shares: Sequence[float] = SHARES) -
         speeds = found.fastest[joint] * np.array(shares)
         moving = np.zeros((len(speeds), n))
         moving[:, joint] = speeds
-        rigid = np.zeros_like(moving)
+        at_rest, rigid = np.zeros_like(moving), np.zeros_like(moving)
         rigid[:, joint] = usual[joint]
         sliding = model.sliding.steady(moving)
-        columns = model.friction_columns(moving, np.zeros_like(moving), sliding, rigid)[:, joint]
+        columns = model.friction_columns(at_rest, moving, at_rest, sliding, rigid)[:, joint]
         if ("offset", joint) in model.columns:
             columns[:, model.columns["offset", joint] - model.nbody] = 0.0
         torque, sd = _told(columns, found.values[model.nbody :], found.covariance[model.nbody :, model.nbody :])

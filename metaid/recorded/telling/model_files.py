@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from metaid.exporting import ArmLaw, Dynamics, couples_of, not_in_xml
+from metaid.exporting import ArmLaw, Dynamics, couples_of, not_in_xml, springs_of
 from metaid.models import IDEAL, Chain, chain_of_lumps
 from metaid.models.tree import PARAMETERS, JointFriction, Tree
 from metaid.recorded.estimating import RecordedEstimate
@@ -31,6 +31,7 @@ def dynamics_of(found: RecordedEstimate) -> Dynamics:
         notes=tuple(notes),
         is_chain=found.model.is_chain,
         couples=couples_of(plain),
+        springs=springs_of(plain),
     )
 
 

@@ -128,8 +128,7 @@ class Equations:
         """
         model, n = self.model, self.model.njoint
         nparam = len(model.names)
-        nominal = self._prior_mean
-        bodies = nominal[: model.nbody]
+        nominal = values = self._prior_mean
         zeros = np.zeros((self.nlog, n))
         largest = max(float(np.abs(torques).max()) for torques in self.torques) or 1.0
         every = np.concatenate([torques.reshape(-1, n) for torques in self.torques])
@@ -137,8 +136,8 @@ class Equations:
         covariance, floor = self._without_untrusted(np.diag(usual), largest), np.diag(least)
         passes = PASSES if self.zeros or "load" in model.friction else 1
         for step in range(passes):
-            loads = loads_of(self.parts, model, bodies, zeros)
-            rows = [self._rows(*each, bodies, zeros, step > 0) for each in zip(self.parts, loads, strict=True)]
+            loads = loads_of(self.parts, model, values[: model.nbody], zeros)
+            rows = [self._rows(*each, values, zeros, step > 0) for each in zip(self.parts, loads, strict=True)]
             prior = prior_of(model, rows, every, self.doubt * self.scale)
             for _ in range(ROUNDS):
                 weight = np.asarray(np.linalg.inv(covariance + floor), dtype=np.float64)
@@ -148,7 +147,6 @@ class Equations:
                 covariance = self._of_held(left.T @ left / len(left))
                 covariance = self._without_untrusted(self._not_shrunk(covariance, values), largest)
             zeros = zeros + changes
-            bodies = values[: model.nbody]
         solution = Solution(values[:nparam], precision, prior, zeros, weight)
         return solution, rows, blocks
 
@@ -243,11 +241,11 @@ class Equations:
         mean[: self.model.nbody] = self.scale * self.model.nominal
         return mean
 
-    def _rows(self, part: Part, load: Array, bodies: Array, zeros: Array, with_zeros: bool) -> Array:
+    def _rows(self, part: Part, load: Array, values: Array, zeros: Array, with_zeros: bool) -> Array:
         model, own_zeros = self.model, zeros[part.log]
         rows = part.rows(model, load, own_zeros)
         columns = (
-            part.zero_columns(model, bodies, own_zeros)
+            part.zero_columns(model, values, own_zeros)
             if with_zeros and self.zeros
             else np.zeros((*rows.shape[:-1], model.njoint))
         )

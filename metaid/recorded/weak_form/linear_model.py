@@ -1,7 +1,7 @@
 """What is unknown of a recorded robot, and the torque for a unit of each: rigid bodies with their rotors, and friction.
 
 A planar chain is known by its lumps and rotors, an arm by its base parameters. Friction of a joint is any terms of Eq.
-66, which single joints may be without. Two joints whose motors are coupled share all but offset and load.
+66, which single joints may be without. Two joints whose motors are coupled share all but offset, load and spring.
 """
 
 from __future__ import annotations
@@ -41,8 +41,15 @@ UNKNOWN_ROTOR = 5.0  # prior deviation of rotors, as `PriorDeviations` has it: a
 ROTOR = PARAMETERS.index("rotor")
 RIGID = len(PARAMETERS) - 2  # of an arm's parameters those that are no friction
 _NAMES = {"viscous": "damping"}  # where the name of a parameter is not that of its term
-_UNITS = {"viscous": "N m s", "coulomb": "N m", "root": "N m √s", "offset": "N m", "load": "", "rotor": "kg m²"}
-_ON_SLIDES = {"viscous": "N s/m", "coulomb": "N", "root": "N √(s/m)", "offset": "N", "load": "", "rotor": "kg"}
+_UNITS = {  # of hinges, and of slides
+    "viscous": ("N m s", "N s/m"),
+    "coulomb": ("N m", "N"),
+    "root": ("N m √s", "N √(s/m)"),
+    "offset": ("N m", "N"),
+    "load": ("", ""),
+    "spring": ("N m/rad", "N/m"),
+    "rotor": ("kg m²", "kg"),
+}
 Bodies = Callable[[Array, Array, Array], Array]
 Rigid = Callable[[Array, Array, Array, Array], Array]
 LEAST_TURN, LEAST_SLIDE = 0.02, 0.002  # rad, m: within less a joint does not slide, it bends and creeps
@@ -132,27 +139,31 @@ class LinearModel:
         """
         bodies = self.bodies(coordinates, speeds, accelerations)
         nothing = np.zeros(speeds.shape)
-        friction = self.friction_columns(speeds, accelerations, self.sliding.at(speeds), nothing)
+        friction = self.friction_columns(coordinates, speeds, accelerations, self.sliding.at(speeds), nothing)
         return np.concatenate([bodies, friction], axis=-1)
 
-    def friction_columns(self, speeds: Array, accelerations: Array, sliding: Array, rigid: Array) -> Array:
+    def friction_columns(
+        self, coordinates: Array, speeds: Array, accelerations: Array, sliding: Array, rigid: Array
+    ) -> Array:
         """The torque (... x njoint x nfriction) for a unit of each unknown of friction, and of coupled rotors.
 
         Args:
+            coordinates: of the joints (... x njoint), in rad or m.
             speeds: of the joints (... x njoint), in rad/s or m/s.
             accelerations: of the joints (... x njoint), in rad/s² or m/s².
             sliding: the state of dry friction of each motor (... x nmotor).
             rigid: the torque of the bodies (... x njoint), in N m or N.
         """
-        turning, faster, loads = (self.sliding.of_motors(each) for each in (speeds, accelerations, rigid))
+        motion = coordinates, speeds, accelerations, rigid
+        turned, turning, faster, loads = map(self.sliding.of_motors, motion)
         columns = np.zeros((*speeds.shape, len(self.columns)))
         for term in {term: None for term, _ in self.columns}:
             own = [motor for motor in range(self.sliding.nmotor) if (term, motor) in self.columns]
-            turned = [(motor, joint) for motor in own for joint in self.sliding.motors[motor]]
-            motors, joints = zip(*turned, strict=True)
-            places = [self.columns[term, motor] - self.nbody for motor in motors]
-            torque = faster if term == "rotor" else friction_torque(term, turning, sliding, loads)
-            columns[..., joints, places] = torque[..., motors]
+            places = [(motor, joint) for motor in own for joint in self.sliding.motors[motor]]
+            motors, joints = zip(*places, strict=True)
+            unknowns = [self.columns[term, motor] - self.nbody for motor in motors]
+            torque = faster if term == "rotor" else friction_torque(term, turned, turning, sliding, loads)
+            columns[..., joints, unknowns] = torque[..., motors]
         return columns
 
     def friction_at(self, values: Array) -> JointFriction:
@@ -380,6 +391,6 @@ def _with_friction(
     for term, motor in other.columns:
         joints = "_".join(str(joint + 1) for joint in model.sliding.motors[motor])
         names.append(f"{_NAMES.get(term, term)}{between}{joints}")
-        units.append((_ON_SLIDES if motor < model.njoint and model.slides[motor] else _UNITS)[term])
+        units.append(_UNITS[term][motor < model.njoint and bool(model.slides[motor])])
     expressions = (*model.expressions[:nbody], *[""] * len(other.columns))
     return replace(other, names=tuple(names), units=tuple(units), expressions=expressions)

@@ -45,7 +45,9 @@ class Part:
             zeros: of the encoders (njoint), in rad.
         """
         averaged, windows = self._averaged(model, zeros), self.windows
-        friction = model.friction_columns(windows.speeds, windows.accelerations, self.sliding(model), load)
+        friction = model.friction_columns(
+            windows.coordinates + zeros, windows.speeds, windows.accelerations, self.sliding(model), load
+        )
         rows: Array = self.smoothed.share[:, None] * np.concatenate([averaged, windows.averaged(friction)], axis=-1)
         return rows
 
@@ -78,12 +80,14 @@ class Part:
             return model.sliding.at(self.windows.speeds)
         return self.smoothed.sliding(model, self.windows.times)
 
-    def zero_columns(self, model: LinearModel, bodies: Array, zeros: Array) -> Array:
-        """How the averaged torque of `bodies` (nbody) changes with each zero (nwindow x ntest x njoint x njoint)."""
+    def zero_columns(self, model: LinearModel, values: Array, zeros: Array) -> Array:
+        """How the averaged torque by unknowns (nparam) changes with each zero (nwindow x ntest x njoint x njoint)."""
         windows, n = self.windows.thinned(4), model.njoint
         shifts = SHIFT * np.vstack([np.zeros(n), np.eye(n)])
         moved = windows.coordinates + (zeros + shifts)[:, None, None]
-        usual, *others = map(windows.averaged, model.rigid(bodies, moved, windows.speeds, windows.accelerations))
+        bodies, springs = values[: model.nbody], model.friction_at(values).of("spring")[:n]
+        needed = model.rigid(bodies, moved, windows.speeds, windows.accelerations) + springs * moved
+        usual, *others = map(windows.averaged, needed)
         return np.stack([(each - usual) / SHIFT for each in others], axis=-1)
 
 

@@ -117,7 +117,9 @@ class Smoothed:
         through the filter.
         """
         rigid, friction = self.rigid(model, values[: model.nbody], zeros), model.friction_at(values)
-        return self.filtered(rigid + friction.torque(self.speeds, self.accelerations, rigid, self.states(model)))
+        coordinates = self.coordinates + zeros[..., None, :]
+        rubbing = friction.torque(coordinates, self.speeds, self.accelerations, rigid, self.states(model))
+        return self.filtered(rigid + rubbing)
 
     def rigid(self, model: LinearModel, bodies: Array, zeros: Array) -> Array:
         """The torque (... x nrow x njoint), in N m or N, of bodies (nbody) alone, where the encoders have these zeros
