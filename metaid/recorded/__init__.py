@@ -19,4 +19,5 @@ from metaid.recorded.result import Log, estimate
 from metaid.recorded.telling.curves import FrictionCurve, GravityCurve, friction_curves, gravity_curves
 from metaid.recorded.telling.judging import RecordedVerdict, judge_records
 from metaid.recorded.telling.told import FileError, LeftOut, RecordedResult
-from metaid.recorded.weak_form.linear_model import TERMS, LinearModel, arm_model, chain_model, model_of
+from metaid.recorded.weak_form.linear_model import TERMS, LinearModel
+from metaid.recorded.weak_form.nominal import arm_model, chain_model, model_of

@@ -140,7 +140,7 @@ def estimate_records(
     equations, yardstick = chosen.equations, chosen.yardstick
     starts = MANY_STARTS if model.is_pendulum else FEW_STARTS
     possible, solutions = _possible(equations, logs)
-    plain = equations.with_model(_for_simulators(equations.model))
+    plain = equations.with_model(equations.model.plain)
     simulator, simulator_solutions = _possible(plain, logs)
     repeated = np.array([each.values for each in solutions])
     covariance = _widened(_projected(equations, possible), repeated)
@@ -171,12 +171,6 @@ def estimate_records(
         moved=float(sum(own.judged.sum() * own.period for own in logs)),
         gains=gains,
     )
-
-
-def _for_simulators(model: LinearModel) -> LinearModel:
-    """The same with what a simulator has alone: plain friction, and springs that are slack somewhere."""
-    sprung, plain = np.isin(np.arange(model.njoint), model.having("spring")), model.with_friction(BASE)
-    return plain.with_term("spring", sprung).with_term("offset", sprung) if sprung.any() else plain
 
 
 def _with_idle(model: LinearModel, logs: Sequence[Smoothed]) -> LinearModel:

@@ -55,31 +55,32 @@ def with_friction(
 
 def with_springs(search: Search, present: Equations, missed: Missed) -> tuple[Equations, Missed]:
     """Equations with springs, each slack somewhere, where all joints together are far better predicted by them, and
-    folds agree in that: in the joints without whose own spring what is left out would be predicted worse. And what
-    these leave.
+    folds agree in that: in the joints without whose own spring what is left out would be predicted worse. Where a
+    joint is 0 has to mean something. Friction is plain then, to be chosen anew. And what these leave.
 
     Args:
         search: what is compared.
         present: what is chosen.
         missed: what that leaves.
     """
-    model, n = present.model, present.model.njoint
-
-    def sprung(joints: NDArray[np.bool_]) -> Equations:
-        return present.with_model(model.with_term(SPRING, joints).with_term("offset", joints))
-
-    found = search.missed([sprung(np.ones(n, dtype=np.bool_))])[0]
+    model, joints = present.model, present.model.placed
+    if not joints.any():
+        return present, missed
+    found = search.missed([present.with_model(model.with_springs(joints))])[0]
     search.tried.append((SPRING, found.shares(missed)[0]))
     if found.shares(missed)[0] > SPRUNG:
         return present, missed
-    each = ~np.eye(n, dtype=np.bool_)
-    without = search.missed([sprung(joints) for joints in each])
-    needed = np.array([found.is_worth(less, ~joints) for less, joints in zip(without, each, strict=True)])
-    other = sprung(needed)
+    own, needed = np.diag(joints)[joints], joints.copy()
+    without = search.missed([present.with_model(model.with_springs(joints & ~each)) for each in own])
+    for each, less in zip(own, without, strict=True):
+        needed &= ~each | found.is_worth(less, each)
+    other = present.with_model(model.with_springs(needed))
     found = search.missed([other])[0]
     search.tried.append((f"spring of {', '.join(np.array(model.joints)[needed])}", found.shares(missed)[0]))
-    is_worth = found.shares(missed)[0] <= SPRUNG and found.is_agreed(missed)
-    return (other, found) if is_worth else (present, missed)
+    if found.shares(missed)[0] > SPRUNG or not found.is_agreed(missed):
+        return present, missed
+    plain = other.with_model(other.model.plain)  # what was taken up may have stood for them
+    return plain, search.missed([plain])[0]
 
 
 def _further(model: LinearModel) -> Iterator[Further]:
@@ -88,7 +89,7 @@ def _further(model: LinearModel) -> Iterator[Further]:
     """
     presliding = model.sliding.presliding
     for term in COLUMNS:
-        lacks = _lacks(model, term)
+        lacks = model.lacking(term)
         if lacks.any() and term != SPRING:
             yield term, lacks, partial(model.with_term, term)
     for size in PRESLIDING if (presliding == 0.0).any() else ():
@@ -98,11 +99,6 @@ def _further(model: LinearModel) -> Iterator[Further]:
     for factor in BENT if at_once.any() and {"coulomb", "root"} & set(model.friction) else ():
         bent = partial(_with_bent, model, factor * model.sliding.still)
         yield f"dry friction bent, v = {factor:.0f} % of usual speeds", at_once, bent
-
-
-def _lacks(model: LinearModel, term: str) -> NDArray[np.bool_]:
-    """The joints (njoint) without a `term`."""
-    return ~np.isin(np.arange(model.njoint), model.having(term))
 
 
 def _with_presliding(model: LinearModel, size: float, joints: NDArray[np.bool_]) -> LinearModel:

@@ -28,7 +28,8 @@ from metaid.recorded.reading.stretches import Stretches, refuse_unknown, without
 from metaid.recorded.telling.judging import judge_records
 from metaid.recorded.telling.told import RecordedResult
 from metaid.recorded.weak_form.folds import Fold, Span
-from metaid.recorded.weak_form.linear_model import TERMS, LinearModel, model_of
+from metaid.recorded.weak_form.linear_model import TERMS, LinearModel
+from metaid.recorded.weak_form.nominal import model_of
 from metaid.recorded.weak_form.smoothed import Smoothed, smoothed, smoothed_beside
 
 Log = str | Path | pd.DataFrame

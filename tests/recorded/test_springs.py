@@ -14,8 +14,8 @@ import metaid
 pytestmark = pytest.mark.slow
 
 ARM = """<mujoco><compiler angle="radian"/><option timestep="0.002"/><worldbody><body><joint name="turret" axis="0 0 1"
-damping="0.2"/><inertial mass="3" pos="0 0 0.1" diaginertia="0.02 0.02 0.02"/><body pos="0 0 0.2"><joint name="shoulder"
-axis="0 1 0" damping="0.1" {spring}/><inertial mass="2" pos="0.02 0 0.2" diaginertia="0.03 0.03 0.01"/>
+damping="0.2" {turret}/><inertial mass="3" pos="0 0 0.1" diaginertia="0.02 0.02 0.02"/><body pos="0 0 0.2"><joint
+name="shoulder" axis="0 1 0" damping="0.1" {spring}/><inertial mass="2" pos="0.02 0 0.2" diaginertia="0.03 0.03 0.01"/>
 <body pos="0 0 0.4"><joint name="elbow" axis="0 1 0" damping="0.05"/><inertial mass="{mass}" pos="0.01 0 0.15"
 diaginertia="0.01 0.01 0.005"/></body></body></body></worldbody></mujoco>"""
 JOINTS = ("turret", "shoulder", "elbow")
@@ -23,9 +23,9 @@ STIFFNESS, SLACK = 12.0, 0.4  # N m/rad, rad
 SPRING = f'stiffness="{STIFFNESS}" springref="{SLACK}"'
 
 
-def log_of_motion(spring: str) -> pd.DataFrame:
-    """What servos read, to a tenth of a milliradian, and send."""
-    model = mujoco.MjModel.from_xml_string(ARM.format(mass=1.0, spring=spring))
+def log_of_motion(spring: str = "", turret: str = "") -> pd.DataFrame:
+    """What servos read, to a tenth of a milliradian, and send, with springs in the shoulder and the turret."""
+    model = mujoco.MjModel.from_xml_string(ARM.format(mass=1.0, spring=spring, turret=turret))
     data, rows, random = mujoco.MjData(model), [], np.random.default_rng(0)
     gain, damping = np.array([80.0, 200.0, 60.0]), np.array([5.0, 12.0, 3.0])
     for step in range(8000):
@@ -40,7 +40,7 @@ def log_of_motion(spring: str) -> pd.DataFrame:
 @pytest.fixture
 def nominal(tmp_path: Path) -> Path:
     path = tmp_path / "arm.xml"
-    path.write_text(ARM.format(mass=1.2, spring=""))
+    path.write_text(ARM.format(mass=1.2, spring="", turret=""))
     return path
 
 
@@ -69,7 +69,7 @@ def test_spring_that_nobody_said_is_found_and_is_in_the_files(nominal: Path, tmp
 
 def test_arm_without_a_spring_is_given_none(nominal: Path) -> None:
     """Though it was tried."""
-    found = metaid.estimate(log_of_motion(""), nominal).estimate
+    found = metaid.estimate(log_of_motion(), nominal).estimate
     assert "spring" in [what for what, _ in found.chosen.tried]
     assert "spring" not in found.model.terms
 
@@ -79,3 +79,15 @@ def test_spring_that_is_asked_for_is_in_every_joint(nominal: Path) -> None:
     found = metaid.estimate(log_of_motion(SPRING), nominal, friction=("viscous", "offset", "spring")).estimate
     stiffness = [found.values[found.model.names.index(f"spring{joint}")] for joint in (1, 2, 3)]
     np.testing.assert_allclose(stiffness, [0.0, STIFFNESS, 0.0], atol=0.25)
+
+
+def test_spring_of_a_turret_whose_zero_nothing_else_tells_is_named_alone(nominal: Path) -> None:
+    """Its encoder may begin at 0 wherever it is: where the spring is slack in this log holds of no other. Who knows
+    better asks for it.
+    """
+    log = log_of_motion(turret='stiffness="2"')
+    result = metaid.estimate(log, nominal)
+    assert "spring" not in result.estimate.model.terms
+    assert any("a spring of joint turret" in reason for reason in result.verdict.reasons)
+    asked = metaid.estimate(log, nominal, friction=("viscous", "spring")).estimate
+    assert asked.values[asked.model.names.index("spring1")] == pytest.approx(2.0, rel=0.02)

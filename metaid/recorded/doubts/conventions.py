@@ -17,7 +17,8 @@ from metaid.models import Array
 from metaid.recorded.absolute import MOTOR, Absolute, absolute_joints, absolute_of
 from metaid.recorded.doubts.scales import scales_of, torque_scale
 from metaid.recorded.weak_form.equations import Equations
-from metaid.recorded.weak_form.linear_model import LinearModel, arm_model
+from metaid.recorded.weak_form.linear_model import LinearModel
+from metaid.recorded.weak_form.nominal import arm_model
 from metaid.recorded.weak_form.possible import Possible
 from metaid.recorded.weak_form.windows import Windows
 

@@ -119,7 +119,7 @@ def suspects(equations: Equations, values: Array, scales: bool) -> Iterator[Susp
         return part.windows.averaged(at_nodes)[..., None] * np.eye(n)
 
     for term, words in MISSING.items():
-        lacking = sorted(set(every) - set(model.having(term)))
+        lacking = np.flatnonzero(model.lacking(term)).tolist()
         if lacking:
             shapes = {
                 "viscous": lambda part: part.windows.speeds,

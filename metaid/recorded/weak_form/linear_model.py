@@ -6,15 +6,14 @@ A planar chain is known by its lumps and rotors, an arm by its base parameters. 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.errors import RecordError
-from metaid.models import IDEAL, Array, Chain, ChainModel, lump_names, lump_unit
+from metaid.models import Array, Chain
 from metaid.models.tree import (
     COLUMNS,
     PARAMETERS,
@@ -22,22 +21,13 @@ from metaid.models.tree import (
     ArmPrior,
     Dynamics,
     JointFriction,
-    PriorDeviations,
     Sliding,
-    Tree,
-    arm_dynamics,
-    body_torque,
     friction_torque,
     is_pendulum,
-    torque_columns,
     turning,
 )
-from metaid.plant import MujocoPlant, SimulatedPlant
 
 TERMS, BASE = (*COLUMNS, "hysteresis", "bent"), ("viscous", "coulomb")
-STILL = 0.01  # rad/s or m/s, until the usual speeds of logs are known
-SPREAD = 0.3  # standard deviation of a nominal lump, as a share of it
-UNKNOWN_ROTOR = 5.0  # prior deviation of rotors, as `PriorDeviations` has it: a URDF knows nothing of gears
 ROTOR = PARAMETERS.index("rotor")
 RIGID = len(PARAMETERS) - 2  # of an arm's parameters those that are no friction
 _NAMES = {"viscous": "damping"}  # where the name of a parameter is not that of its term
@@ -52,6 +42,7 @@ _UNITS = {  # of hinges, and of slides
 }
 Bodies = Callable[[Array, Array, Array], Array]
 Rigid = Callable[[Array, Array, Array, Array], Array]
+TURNED, SLIGHT = 0.5, 1e-3  # rad or m; of the largest torque
 LEAST_TURN, LEAST_SLIDE = 0.02, 0.002  # rad, m: within less a joint does not slide, it bends and creeps
 HELD = 0.02  # of how far the joint turns that turns farthest: one that turns by less is held, and gives way
 
@@ -126,6 +117,15 @@ class LinearModel:
         with parallel axes right before it.
         """
         return np.tril(np.ones((self.njoint, self.njoint))) if self.prior is None else turning(self.prior.nominal)
+
+    @cached_property
+    def placed(self) -> NDArray[np.bool_]:
+        """Which joints (njoint) have a zero that the torque of the bodies depends on, as of no turret that stands
+        upright.
+        """
+        q, v, a = np.random.default_rng(0).uniform(-1.0, 1.0, (3, self.njoint))
+        usual, *others = self.rigid(self.nominal, np.vstack([q, q + TURNED * np.eye(self.njoint)]), v, a)
+        return np.asarray((np.abs(others - usual) > SLIGHT * np.abs(usual).max()).any(axis=1))
 
     @property
     def terms(self) -> tuple[str, ...]:
@@ -221,6 +221,15 @@ class LinearModel:
         """The same with these terms of friction in every joint, and dry friction that is there at once."""
         return _with_friction(replace(self, sliding=Sliding.at_once(self.sliding.still, self.sliding.coupled)), terms)
 
+    def with_springs(self, joints: NDArray[np.bool_]) -> LinearModel:
+        """The same with springs in some `joints` (njoint), too, that are slack somewhere."""
+        return self.with_term("spring", joints).with_term("offset", joints) if joints.any() else self
+
+    @cached_property
+    def plain(self) -> LinearModel:
+        """The same with what a simulator has alone: viscous and Coulomb friction in every joint, and its springs."""
+        return self.with_friction(BASE).with_springs(~self.lacking("spring"))
+
     def with_term(self, term: str, joints: NDArray[np.bool_]) -> LinearModel:
         """The same with a term of friction in some `joints` (njoint), too."""
         lacking = {joint for joint in range(self.njoint) if not joints[joint]} - set(self.having(term))
@@ -241,6 +250,10 @@ class LinearModel:
         other = replace(self, sliding=replace(self.sliding, coupled=coupled))
         return _with_friction(other, self.friction, self.without)
 
+    def lacking(self, term: str) -> NDArray[np.bool_]:
+        """Which joints (njoint) have no such `term` of friction."""
+        return ~np.isin(np.arange(self.njoint), self.having(term))
+
     def having(self, term: str) -> list[int]:
         """The joints, from 0 on, that have a `term` of friction."""
         return [joint for joint in range(self.njoint) if (term, joint) in self.columns]
@@ -255,127 +268,6 @@ class LinearModel:
         own = [each for each in own if each not in self.without]
         own += [(term, motor) for motor in range(self.njoint, self.sliding.nmotor) for term in shared]
         return {each: self.nbody + number for number, each in enumerate(own)}
-
-
-def model_of(
-    plant: SimulatedPlant, coupled: tuple[tuple[int, int], ...] = (), gravity: Sequence[float] | None = None
-) -> LinearModel:
-    """That of a nominal robot with plain friction, of which pairs of joints, from 0 on, have `coupled` motors; with
-    `gravity` in the frame of the base, in m/s², in place of an arm's own.  Raises RecordError where a planar chain says
-    its own.
-    """
-    if not isinstance(plant, MujocoPlant):
-        tree = plant.tree if gravity is None else replace(plant.tree, gravity=np.asarray(gravity, dtype=np.float64))
-        return arm_model(tree, coupled=coupled)
-    if gravity is not None:
-        raise RecordError("gravity: a planar chain says its own in its plant file (allowed: of an MJCF or URDF)")
-    return chain_model(plant.chain, plant.gravity).with_coupled(coupled)
-
-
-def chain_model(chain: Chain, gravity: float) -> LinearModel:
-    """That of a nominal planar chain under `gravity`, in m/s², its lumps and the rotors of its joints unknown; that of
-    the first joint cannot be told from the link.
-    """
-    n, kinds = chain.nlink, (*IDEAL, "inertia")
-    names = lump_names(n, kinds)
-    law = ChainModel(chain.lumps_of(kinds), gravity)
-    lumps = law.parameters
-    rotors = lumps[len(lumps) - n + 1 :]
-    joints = np.arange(1, n)
-
-    def bodies(angles: Array, speeds: Array, accelerations: Array) -> Array:
-        turned = (accelerations[..., None] * np.eye(n))[..., 1:]
-        return np.concatenate([law.regressor(angles, speeds, accelerations), turned], axis=-1)
-
-    def dynamics(values: Array) -> Dynamics:
-        own = ChainModel(law.lumps.with_parameters(values[..., : len(lumps)]), gravity)
-        spun = np.zeros((*values.shape[:-1], n, n))
-        spun[..., joints, joints] = values[..., len(lumps) :]
-        return lambda angles, speeds: (own.mass_matrix(angles) + spun, own.torque(angles, speeds))
-
-    def _rigid(values: Array, angles: Array, speeds: Array, accelerations: Array) -> Array:
-        matrices, bias = dynamics(values)(angles, speeds)
-        return np.asarray(bias + (matrices @ accelerations[..., None])[..., 0])
-
-    names = [*names, *(f"rotor_{i + 1}" for i in range(1, n))]
-    return _with_friction(
-        LinearModel(
-            names=tuple(names),
-            units=tuple("kg m²" if name.startswith("rotor") else lump_unit(name) for name in names),
-            expressions=("",) * len(names),
-            nominal=np.concatenate([lumps, np.zeros(n - 1)]),
-            covariance=np.diag(np.concatenate([SPREAD * lumps, rotors]) ** 2),
-            bodies=bodies,
-            rigid=_rigid,
-            dynamics=dynamics,
-            joints=tuple(f"{i + 1}" for i in range(n)),
-            slides=np.zeros(n, dtype=np.bool_),
-            friction=(),
-            sliding=Sliding.at_once(np.full(n, STILL)),
-            untrusted=np.zeros(n, dtype=np.bool_),
-            passive=np.zeros(n, dtype=np.bool_),
-            chain=chain,
-            gravity=gravity,
-        ),
-        BASE,
-    )
-
-
-def arm_model(
-    tree: Tree,
-    friction: tuple[str, ...] = BASE,
-    coupled: tuple[tuple[int, int], ...] = (),
-) -> LinearModel:
-    """That of an arm, its base parameters unknown, rotors among them.
-
-    Args:
-        tree: the nominal arm.
-        friction: the terms of every joint.
-        coupled: pairs of joints, from 0 on, whose motors are coupled.
-    """
-    prior = ArmPrior(tree, PriorDeviations(rotor=UNKNOWN_ROTOR))
-    kept = prior.base.columns % len(PARAMETERS) < RIGID
-    columns = prior.base.columns[kept]
-
-    def bodies(coordinates: Array, speeds: Array, accelerations: Array) -> Array:
-        return torque_columns(tree, columns, coordinates, speeds, accelerations)
-
-    def of_links(values: Array) -> Array:
-        every = np.zeros((*values.shape[:-1], tree.njoint * len(PARAMETERS)))
-        every[..., columns] = values
-        return every.reshape(*values.shape[:-1], tree.njoint, len(PARAMETERS))
-
-    def dynamics(values: Array) -> Dynamics:
-        return arm_dynamics(tree, of_links(values))
-
-    def _rigid(values: Array, coordinates: Array, speeds: Array, accelerations: Array) -> Array:
-        parameters = of_links(values)
-        needed = body_torque(tree, parameters, coordinates, speeds, accelerations)
-        return needed + parameters[..., ROTOR] * accelerations
-
-    def chosen(texts: tuple[str, ...]) -> tuple[str, ...]:
-        return tuple(text for text, is_kept in zip(texts, kept, strict=True) if is_kept)
-
-    return _with_friction(
-        LinearModel(
-            names=chosen(prior.base.names),
-            units=chosen(prior.base.units),
-            expressions=chosen(prior.base.expressions),
-            nominal=prior.values[kept],
-            covariance=prior.covariance[np.ix_(kept, kept)],
-            bodies=bodies,
-            rigid=_rigid,
-            dynamics=dynamics,
-            joints=tuple(tree.names),
-            slides=tree.slides,
-            friction=(),
-            sliding=Sliding.at_once(np.full(tree.njoint, STILL), coupled),
-            untrusted=np.zeros(tree.njoint, dtype=np.bool_),
-            passive=np.zeros(tree.njoint, dtype=np.bool_),
-            prior=prior,
-        ),
-        friction,
-    )
 
 
 def _with_friction(

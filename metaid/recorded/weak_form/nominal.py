@@ -1,0 +1,143 @@
+"""What is unknown of nominal robots, as their logs tell it: of a planar chain, and of an arm."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from metaid.errors import RecordError
+from metaid.models import IDEAL, Array, Chain, ChainModel, lump_names, lump_unit
+from metaid.models.tree import (
+    PARAMETERS,
+    ArmPrior,
+    Dynamics,
+    PriorDeviations,
+    Sliding,
+    Tree,
+    arm_dynamics,
+    body_torque,
+    torque_columns,
+)
+from metaid.plant import MujocoPlant, SimulatedPlant
+from metaid.recorded.weak_form.linear_model import BASE, RIGID, ROTOR, LinearModel
+
+STILL = 0.01  # rad/s or m/s, until the usual speeds of logs are known
+SPREAD = 0.3  # standard deviation of a nominal lump, as a share of it
+UNKNOWN_ROTOR = 5.0  # prior deviation of rotors, as `PriorDeviations` has it: a URDF knows nothing of gears
+
+
+def model_of(
+    plant: SimulatedPlant, coupled: tuple[tuple[int, int], ...] = (), gravity: Sequence[float] | None = None
+) -> LinearModel:
+    """That of a nominal robot with plain friction, of which pairs of joints, from 0 on, have `coupled` motors; with
+    `gravity` in the frame of the base, in m/s², in place of an arm's own.  Raises RecordError where a planar chain says
+    its own.
+    """
+    if not isinstance(plant, MujocoPlant):
+        tree = plant.tree if gravity is None else replace(plant.tree, gravity=np.asarray(gravity, dtype=np.float64))
+        return arm_model(tree, coupled=coupled)
+    if gravity is not None:
+        raise RecordError("gravity: a planar chain says its own in its plant file (allowed: of an MJCF or URDF)")
+    return chain_model(plant.chain, plant.gravity).with_coupled(coupled)
+
+
+def chain_model(chain: Chain, gravity: float) -> LinearModel:
+    """That of a nominal planar chain under `gravity`, in m/s², its lumps and the rotors of its joints unknown; that of
+    the first joint cannot be told from the link.
+    """
+    n, kinds = chain.nlink, (*IDEAL, "inertia")
+    names = lump_names(n, kinds)
+    law = ChainModel(chain.lumps_of(kinds), gravity)
+    lumps = law.parameters
+    rotors = lumps[len(lumps) - n + 1 :]
+    joints = np.arange(1, n)
+
+    def bodies(angles: Array, speeds: Array, accelerations: Array) -> Array:
+        turned = (accelerations[..., None] * np.eye(n))[..., 1:]
+        return np.concatenate([law.regressor(angles, speeds, accelerations), turned], axis=-1)
+
+    def dynamics(values: Array) -> Dynamics:
+        own = ChainModel(law.lumps.with_parameters(values[..., : len(lumps)]), gravity)
+        spun = np.zeros((*values.shape[:-1], n, n))
+        spun[..., joints, joints] = values[..., len(lumps) :]
+        return lambda angles, speeds: (own.mass_matrix(angles) + spun, own.torque(angles, speeds))
+
+    def _rigid(values: Array, angles: Array, speeds: Array, accelerations: Array) -> Array:
+        matrices, bias = dynamics(values)(angles, speeds)
+        return np.asarray(bias + (matrices @ accelerations[..., None])[..., 0])
+
+    names = [*names, *(f"rotor_{i + 1}" for i in range(1, n))]
+    return LinearModel(
+        names=tuple(names),
+        units=tuple("kg m²" if name.startswith("rotor") else lump_unit(name) for name in names),
+        expressions=("",) * len(names),
+        nominal=np.concatenate([lumps, np.zeros(n - 1)]),
+        covariance=np.diag(np.concatenate([SPREAD * lumps, rotors]) ** 2),
+        bodies=bodies,
+        rigid=_rigid,
+        dynamics=dynamics,
+        joints=tuple(f"{i + 1}" for i in range(n)),
+        slides=np.zeros(n, dtype=np.bool_),
+        friction=(),
+        sliding=Sliding.at_once(np.full(n, STILL)),
+        untrusted=np.zeros(n, dtype=np.bool_),
+        passive=np.zeros(n, dtype=np.bool_),
+        chain=chain,
+        gravity=gravity,
+    ).with_friction(BASE)
+
+
+def arm_model(
+    tree: Tree,
+    friction: tuple[str, ...] = BASE,
+    coupled: tuple[tuple[int, int], ...] = (),
+) -> LinearModel:
+    """That of an arm, its base parameters unknown, rotors among them.
+
+    Args:
+        tree: the nominal arm.
+        friction: the terms of every joint.
+        coupled: pairs of joints, from 0 on, whose motors are coupled.
+    """
+    prior = ArmPrior(tree, PriorDeviations(rotor=UNKNOWN_ROTOR))
+    kept = prior.base.columns % len(PARAMETERS) < RIGID
+    columns = prior.base.columns[kept]
+
+    def bodies(coordinates: Array, speeds: Array, accelerations: Array) -> Array:
+        return torque_columns(tree, columns, coordinates, speeds, accelerations)
+
+    def of_links(values: Array) -> Array:
+        every = np.zeros((*values.shape[:-1], tree.njoint * len(PARAMETERS)))
+        every[..., columns] = values
+        return every.reshape(*values.shape[:-1], tree.njoint, len(PARAMETERS))
+
+    def dynamics(values: Array) -> Dynamics:
+        return arm_dynamics(tree, of_links(values))
+
+    def _rigid(values: Array, coordinates: Array, speeds: Array, accelerations: Array) -> Array:
+        parameters = of_links(values)
+        needed = body_torque(tree, parameters, coordinates, speeds, accelerations)
+        return needed + parameters[..., ROTOR] * accelerations
+
+    def chosen(texts: tuple[str, ...]) -> tuple[str, ...]:
+        return tuple(text for text, is_kept in zip(texts, kept, strict=True) if is_kept)
+
+    return LinearModel(
+        names=chosen(prior.base.names),
+        units=chosen(prior.base.units),
+        expressions=chosen(prior.base.expressions),
+        nominal=prior.values[kept],
+        covariance=prior.covariance[np.ix_(kept, kept)],
+        bodies=bodies,
+        rigid=_rigid,
+        dynamics=dynamics,
+        joints=tuple(tree.names),
+        slides=tree.slides,
+        friction=(),
+        sliding=Sliding.at_once(np.full(tree.njoint, STILL), coupled),
+        untrusted=np.zeros(tree.njoint, dtype=np.bool_),
+        passive=np.zeros(tree.njoint, dtype=np.bool_),
+        prior=prior,
+    ).with_friction(friction)
