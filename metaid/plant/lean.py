@@ -25,11 +25,7 @@ def build_arm_spec(tree: Tree, timestep: float) -> mujoco.MjSpec:
     """A lean MuJoCo arm: `link_i`, from 1, hangs on the joint of the tree's i-th name. Shapes may be added to it.
 
     Inertials are those of the tree as far as MuJoCo compiles them; `set_parameters` writes them exactly. Joints have no
-    limits: an episode stays within them, and a push that does not is a fall.
-
-    Args:
-        tree: the arm.
-        timestep: in s.
+    limits: an episode stays within them, and a push that does not is a fall. The `timestep` is in s.
     """
     spec = mujoco.MjSpec()
     spec.option.timestep = timestep
@@ -86,14 +82,8 @@ def build_spec(chain: Chain, gravity: float, timestep: float, tilt: float = 0.0)
 
 
 def arm_model(tree: Tree, timestep: float) -> mujoco.MjModel:
-    """The compiled lean model of an arm.
-
-    Args:
-        tree: the arm; its links must be possible bodies.
-        timestep: in s.
-
-    Raises:
-        ValueError: MuJoCo cannot compile it.
+    """The compiled lean model of an arm, whose links must be possible bodies; its `timestep` is in s.  Raises
+    ValueError where MuJoCo cannot compile it.
     """
     model = build_arm_spec(tree, timestep).compile()
     set_parameters(model, tree)
@@ -101,11 +91,8 @@ def arm_model(tree: Tree, timestep: float) -> mujoco.MjModel:
 
 
 def set_parameters(model: mujoco.MjModel, tree: Tree) -> None:
-    """Writes the parameters of a tree into a lean model with the same joints. They need not be of possible bodies.
-
-    Args:
-        model: compiled from `build_arm_spec` of a tree with the same kinematics.
-        tree: whose parameters it gets.
+    """Writes the parameters of a tree into a lean `model` of one with the same kinematics. They need not be of possible
+    bodies.
     """
     model.body_mass[1:], model.body_ipos[1:] = tree.mass, tree.com
     for i in range(tree.njoint):

@@ -66,15 +66,8 @@ def mark_of(digest: str, number: int) -> str:
 
 
 def own_rows(digest: str, marks: Iterable[str | None], first: int = 0) -> list[bool]:
-    """Which trials are metaid's own.
-
-    Args:
-        digest: of the study.
-        marks: of its trials, in the order in which they were written; None where a trial has none.
-        first: the own number of the first own one among them.
-
-    Raises:
-        ValueError: an own trial is missing.
+    """Which trials of a study are metaid's own, by their `marks` in the order in which they were written, None where a
+    trial has none; `first` is the own number of the first own one.  Raises ValueError where an own trial is missing.
     """
     own, number, beginning = [], first, f'"{digest}-'
     for mark in marks:

@@ -78,17 +78,10 @@ def calibrate_chain(plant: SocketPlant, nominal: Chain, pushes: Array, repeats: 
 
 
 def calibrate_arm(plant: SocketPlant, nominal: Tree, starts: Sequence[ArmStart]) -> PushedSettings:
-    """What is measured at a rig that is an arm, of its sensors and of how its pushes begin. A coordinate is known no
-    better than QUIETEST_RIG: an encoder that shows no noise has steps.
+    """What is measured at a rig that is an arm: it is held once under the nominal law, and brought to each start
+    REPEATS times. A coordinate is known no better than QUIETEST_RIG: an encoder that shows no noise has steps.
 
-    Args:
-        plant: the rig; it is held once under the nominal law, and brought to each start REPEATS times.
-        nominal: the arm whose law holds it.
-        starts: of the study's pushes.
-
-    Raises:
-        PlantError: a push begins elsewhere than it was asked to.
-        LostPlant: it does not answer.
+    Raises PlantError where a push begins elsewhere than it was asked to, LostPlant where the rig does not answer.
     """
     still = np.zeros(plant.njoint)
     at_rest = ArmStart(starts[0].pose, still)
@@ -202,13 +195,10 @@ def _per_share(impulses: Array, start_speeds: Array) -> Array:
 
 
 def _push_noise(deviations: Array, per_share: Array, speed_noise: Array) -> float:
-    """By which share of itself an impulse differs from one time to the next, as a standard deviation. Joints that noise
-    of torques moves at rest, which moves nothing right after a push, do not tell.
-
-    Args:
-        deviations: of joint speeds from their means (nrepeat x npush x njoint), in rad/s.
-        per_share: what all of each impulse gives the joints (npush x njoint x nimpulse), in rad/s.
-        speed_noise: standard deviation of a speed reading (njoint), in rad/s.
+    """By which share of itself an impulse differs from one time to the next, as a standard deviation, by `deviations`
+    of joint speeds from their means (nrepeat x npush x njoint). All of each impulse gives the joints `per_share` (npush
+    x njoint x nimpulse), in rad/s. Joints that noise of torques moves at rest, which moves nothing right after a push,
+    do not tell.
     """
     variance = (deviations**2).sum(axis=(0, 1)) / (len(deviations) - 1)
     read = len(per_share) * speed_noise**2

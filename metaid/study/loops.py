@@ -23,10 +23,6 @@ LONGEST_STEP = 3e-3  # s, of the twin of a rig that moves continuously: `study c
 def loop_of(spec: StudySpec, robot: StudiedArm | StudiedChain) -> Loop:
     """That of a simulated plant by what its user states of it, but for faults that are searched; that of a rig by what
     was measured at it, where the resolution of its encoders is what its readings show.
-
-    Args:
-        spec: the study.
-        robot: that is studied.
     """
     from metaid.estimation import Loop  # loads numba, which most readers of a study do without
 

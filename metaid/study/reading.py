@@ -75,16 +75,10 @@ def _change(tables: dict[str, Any], key: str, value: Any) -> None:
 
 
 def _spec(path: Path, study: StudySettings, named: Named) -> StudySpec:
-    """The study of the file at a path.
+    """The study of the file at a path; `named` finds the plant file that a key of it names.
 
-    Args:
-        path: of the study file.
-        study: what it says.
-        named: finds the plant file that a key of the study file names.
-
-    Raises:
-        StudyError: the file says what no study is.
-        PlantError: a plant file is missing, or describes no robot.
+    Raises StudyError where the file says what no study is, PlantError where a plant file is missing or describes no
+    robot.
     """
     plant_path = named("plant", study.plant)
     plant = read_any_plant(plant_path)

@@ -260,13 +260,7 @@ def with_defaults(study: StudySettings, is_arm: bool, is_rig: bool) -> StudySett
 
 
 def refuse_unsuited(study: StudySettings, is_arm: bool, source: str) -> None:
-    """Raises StudyError where the study of an arm says what only that of a chain can, or the other way round.
-
-    Args:
-        study: its settings.
-        is_arm: what its plant is.
-        source: the file, as the message names it.
-    """
+    """Raises StudyError where the study of an arm says what only that of a chain can, or the other way round."""
     robot, others = ("an arm", OfChain) if is_arm else ("a planar chain", OfArm)
     if isinstance(study.nominal, others):
         allowed = "the plant file of an arm, or a table with plant and seed" if is_arm else "a plant file, or links"

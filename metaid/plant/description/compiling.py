@@ -35,14 +35,10 @@ class Compiled:
 
 def compile_file(path: Path, is_urdf: bool) -> Compiled:
     """The compiled whole of an MJCF or URDF. Meshes that cannot be loaded are left out where only shapes are lost.
-    Textures that cannot be loaded are left out, too. What is impossible is repaired.
+    Textures that cannot be loaded are left out, too. What is impossible is repaired. A link of a URDF weighs what its
+    `<inertial>` says, and nothing without.
 
-    Args:
-        path: of the file.
-        is_urdf: whether it is said to be a URDF. There a link weighs what its `<inertial>` says, and nothing without.
-
-    Raises:
-        PlantError: it cannot be read or compiled, or a link's mass is that of a mesh that cannot be loaded.
+    Raises PlantError where it cannot be read or compiled, or a link's mass is that of a mesh that cannot be loaded.
     """
     kind, root = ("URDF", "robot") if is_urdf else ("MJCF", "mujoco")
     found = _root(path, kind)

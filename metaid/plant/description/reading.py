@@ -38,14 +38,9 @@ class Arm:
 
 
 def read_arm(settings: ArmSettings, source: str) -> Arm:
-    """The arm of a plant file.
+    """The arm of a plant file, `source` in messages, by its `settings`, with the `mjcf` or `urdf` as found from here.
 
-    Args:
-        settings: of the plant file, its `mjcf` or `urdf` as it is found from here.
-        source: the plant file, for the message of an error.
-
-    Raises:
-        PlantError: the file is missing, does not compile, or is no serial arm.
+    Raises PlantError where that is missing, does not compile, or is no serial arm.
     """
     path = Path(settings.file)
     compiled = compile_file(path, is_urdf=settings.kind == "urdf")

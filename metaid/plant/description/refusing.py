@@ -19,16 +19,11 @@ LEAVE_OUT = "joints = [names] (--joints A,B) of those that move, the others are 
 
 
 def moving_joints(source: str, model: mujoco.MjModel, wanted: Sequence[str] | None) -> tuple[int, ...]:
-    """The numbers of the joints that move (njoint), from the base on.
+    """The numbers of the joints that move (njoint), from the base on: those that are `wanted`, by name, or else all but
+    those of short branches, as fingers and a head are.
 
-    Args:
-        source: the file, for the message of an error.
-        model: of the whole file.
-        wanted: their names; None for all, without short branches, as fingers and a head are.
-
-    Raises:
-        PlantError: there is no such joint, or they are not hinges and slides.
-        BranchesError: they are not in series.
+    Raises PlantError where there is no such joint, or they are not hinges and slides, BranchesError where they are not
+    in series.
     """
     names = [joint_name(model, joint) for joint in range(model.njnt)]
     kinds = {mujoco.mjtJoint.mjJNT_FREE: "a floating base", mujoco.mjtJoint.mjJNT_BALL: "a ball joint"}
@@ -98,12 +93,7 @@ def _to_base(model: mujoco.MjModel, body: int) -> Iterator[int]:
 
 
 def refuse_what_is_no_arm(source: str, whole: Whole) -> None:
-    """Raises PlantError where something else than weight, inertia, rotors and friction moves the joints.
-
-    Args:
-        source: the file, for the message of an error.
-        whole: the file, compiled, and the joints that move.
-    """
+    """Raises PlantError where something else than weight, inertia, rotors and friction moves the joints."""
     for met, allowed in (
         *_too_large(whole.model),
         *_of_joints(whole),

@@ -38,11 +38,8 @@ class Repair:
 
 
 def repair_inertias(spec: mujoco.MjSpec, is_said: Callable[[mujoco.MjsBody], bool]) -> tuple[Repair, ...]:
-    """Makes impossible inertias possible, and gives moving bodies some where they have none; what was changed.
-
-    Args:
-        spec: of the file.
-        is_said: whether a body's mass and inertia are what the file says, and do not follow from shapes.
+    """Makes impossible inertias possible, and gives moving bodies some where they have none; what was changed. Only
+    bodies whose mass and inertia are said by the file, and do not follow from shapes, are looked at.
     """
     made, base = [], spec.worldbody
     base.explicitinertial, base.mass, base.inertia, base.fullinertia = False, 0.0, np.zeros(3), np.full(6, np.nan)

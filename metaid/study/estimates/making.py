@@ -23,13 +23,8 @@ CLOSE = 1e-3  # of what an unknown is a multiple of: so near its last value an e
 def watched_trials(
     problem: Problem, trials: Sequence[Trial], foreign: Sequence[ForeignTrial] = ()
 ) -> tuple[Any, tuple[Any, ...], int]:
-    """The experiment of a study, and its trials as that has them, metaid's own before those of
-    others, at most MOST_TRIALS of each; and of how many others there are. No experiment where none can be made.
-
-    Args:
-        problem: the study's.
-        trials: metaid's own.
-        foreign: those of others.
+    """The experiment of a study, and its trials as that has them, metaid's own before the `foreign` ones, at most
+    MOST_TRIALS of each; and of how many others there are. No experiment where none can be made.
     """
     shown = [each for each in trials if each.outcome.windows is not None or each.outcome.readings is not None]
     others = shown_by_others(problem, foreign)[:MOST_TRIALS]
