@@ -12,7 +12,7 @@ import signal
 import threading
 from collections.abc import Callable
 from contextlib import suppress
-from types import FrameType, TracebackType
+from types import FrameType
 
 PATIENCE = 0.25  # s that a command may go on until it can be left well
 GRACE = 0.6  # s after which it is ended whatever it does
@@ -59,9 +59,7 @@ class Interruption:
             threading.Thread(target=self._watch, name="metaid-signals", daemon=True).start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         if self._is_main:
             self._is_over.set()
             for number, before in zip(_SIGNALS, self._before, strict=True):

@@ -14,7 +14,6 @@ import threading
 import uuid
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from types import TracebackType
 from typing import Any, ClassVar
 
 import sqlalchemy as sa
@@ -106,9 +105,7 @@ class Lease:
         self._pulse.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._over.set()
         self._pulse.join()
         Lease.held_here.discard(self._driver.token)
