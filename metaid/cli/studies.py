@@ -181,7 +181,7 @@ def _undetermined(spec: StudySpec) -> str | None:
     from metaid.study import identifiability, problem_of
 
     problem = problem_of(spec)
-    if problem.is_simulated and problem.is_told_by_estimate:
+    if problem.spec.is_simulated and problem.is_told_by_estimate:
         return None
     names = identifiability(problem).undetermined_names
     if not names:

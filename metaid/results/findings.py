@@ -78,7 +78,7 @@ class Findings:
     @cached_property
     def validation(self) -> Validation | None:
         """On new pushes and along a trajectory; None where nothing was found, or the plant is a rig."""
-        if not self.verdict.has_result or not self.problem.is_simulated:
+        if not self.verdict.has_result or not self.problem.spec.is_simulated:
             return None
         return validate(self.snapshot, self.verdict)
 

@@ -96,7 +96,7 @@ def plant_caption(found: Findings) -> str:
         )
     if shows_plant(found):
         return "The plant as it is simulated, bent a little at every joint. The search never sees these numbers."
-    what = "A plant whose truth is not told" if found.problem.is_simulated else "A rig"
+    what = "A plant whose truth is not told" if found.problem.spec.is_simulated else "A rig"
     return f"{what}, drawn by the nominal model, bent a little at every joint."
 
 

@@ -31,7 +31,7 @@ def create_study(store: Store, spec: StudySpec, name: str | None = None) -> str:
     if name in store.names():
         allowed = _other_sampler(stored_spec(store, name), spec, name) or "choose another with --name, or delete it"
         raise StorageError(f"{store.url} has a study '{name}' already ({allowed})")
-    if not problem.is_simulated:
+    if not problem.spec.is_simulated:
         spec = problem.calibrated()
         refuse_what_cannot_be_run(spec)
     store.create(name, spec.model_dump_json(), len(spec.joints))

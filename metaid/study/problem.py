@@ -83,11 +83,6 @@ class Problem:
         _ = self.episode
 
     @property
-    def is_simulated(self) -> bool:
-        """Whether the plant is simulated here, and not a rig, which is not to be moved without need."""
-        return self.spec.is_simulated
-
-    @property
     def is_matching(self) -> bool:
         """Whether the sampler works by the estimate. Where that explains nothing, no best trial is the result."""
         return SAMPLERS[self.spec.study.sampler].by_estimate
@@ -100,12 +95,12 @@ class Problem:
     @property
     def question(self) -> str | None:
         """What to ask about the units of the plant or the nominal model; None if nothing."""
-        question: str | None = self.open_plant().question if self.is_simulated else None
+        question: str | None = self.open_plant().question if self.spec.is_simulated else None
         return question or self.robot.question
 
     def open_plant(self) -> Any:
         """A plant of its own for each worker, simulated or not."""
-        return self.robot.plant() if self.is_simulated else self.open_rig()
+        return self.robot.plant() if self.spec.is_simulated else self.open_rig()
 
     def open_rig(self) -> SocketPlant:
         """The plant behind the socket that the study names."""
@@ -120,7 +115,7 @@ class Problem:
     @property
     def draws_episodes(self) -> bool:
         """Whether figures may ask for more episodes: a rig is not moved for a picture."""
-        return self.is_simulated and self.robot.draws_candidates
+        return self.spec.is_simulated and self.robot.draws_candidates
 
     # What a run asks.
 
@@ -175,7 +170,7 @@ class Problem:
         the bounds of an arm are beyond what its prior allows.
         """
         wanted = self.spec.study.search.widen
-        return not self.spec.is_arm and (self.is_simulated if wanted is None else wanted)
+        return not self.spec.is_arm and (self.spec.is_simulated if wanted is None else wanted)
 
     @property
     def widens_by_itself(self) -> bool:

@@ -150,7 +150,7 @@ def _finish(run: Run, evaluator: Evaluator, writer: Writer, watch: Callable[[Pro
     failures = 0
     while not run.done:
         batch = run.candidates()
-        if not problem.is_simulated:
+        if not problem.spec.is_simulated:
             batch = batch[:1]  # a rig's episodes are dear: each is kept, whatever becomes of the next
         started = datetime.now(UTC).replace(tzinfo=None)
         outcomes = evaluator.evaluate(batch, run.number, writer.write)
@@ -166,7 +166,7 @@ def _finish(run: Run, evaluator: Evaluator, writer: Writer, watch: Callable[[Pro
         if moved := _moved_bounds(problem, *before):
             log.warning("bounds held the search back and are moved: %s", moved)
         watch(run.progress)
-        if not problem.is_simulated:
+        if not problem.spec.is_simulated:
             failures = failures + 1 if trials[-1].outcome.failure is not None else 0
             _refuse_more_failures(failures, trials[-1], problem.spec.plant_name)
 

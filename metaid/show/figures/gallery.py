@@ -107,7 +107,7 @@ class Gallery(Pictures):
             ("convergence", self._is_line, self._convergence),
             ("factors", self._is_line, self._factors),
             ("ranges", known and survived and not prior, self._ranges),
-            ("tracking", found.verdict.has_result and problem.is_simulated, self._tracking),
+            ("tracking", found.verdict.has_result and problem.spec.is_simulated, self._tracking),
             ("known", found.verdict.has_result and prior, self._known),
             ("frequency", episodes, self._frequency),
             ("boundary", survived and several and not prior, self._boundary),
@@ -143,7 +143,7 @@ class Gallery(Pictures):
         if not found.lumps["identified"].notna().any() or (prior and not verdict.has_result):
             what = f"How well {found.sought.noun}s are known" if prior else "Ranges of the lumps"
             said.append((what, f"no {found.sought.noun} is identified: the verdict is '{verdict.word}'"))
-        if not problem.is_simulated:
+        if not problem.spec.is_simulated:
             said.append(
                 ("Frequency over the factors, motion of the best, tracking", "a rig is not moved for a picture")
             )

@@ -94,7 +94,7 @@ class OptunaObjective:
                 trial.report(self._objective().value(record), steps)
             return not trial.should_prune()
 
-        if self._problem.is_simulated:
+        if self._problem.spec.is_simulated:
             outcome = self._objective().evaluate(factors, trial.number, goes_on)
         else:
             with self._lock:  # there is one rig
@@ -118,7 +118,7 @@ class OptunaObjective:
     def _objective(self) -> Any:
         """That of this thread, or of the one rig."""
         with self._lock:
-            if not self._problem.is_simulated:
+            if not self._problem.spec.is_simulated:
                 self._rig = self._rig or self._problem.make_objective()
                 return self._rig
             if not hasattr(self._threads, "objective"):
