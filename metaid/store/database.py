@@ -181,24 +181,20 @@ class Store:
 
     def spec(self, name: str) -> str:
         """The JSON that the study was made from."""
-        query = sa.select(STUDY_ATTRIBUTES.c.value_json).where(
-            STUDY_ATTRIBUTES.c.study_id == self._study_id(name),
-            STUDY_ATTRIBUTES.c.key == SPEC_KEY,
-        )
-        with self._errors(), self._engine.connect() as connection:
-            return str(connection.scalar(query))
+        return str(self._text(STUDY_ATTRIBUTES, name, SPEC_KEY))
 
     def attribute(self, name: str, key: str, shown: bool = True) -> Any:
         """What an attribute of the study says, one that Optuna's tools have `shown` or one that they do not show; None
         where it has none of that `key`.
         """
-        attribute = _ATTRIBUTES[shown]
-        query = sa.select(attribute.c.value_json).where(
-            attribute.c.study_id == self._study_id(name), attribute.c.key == key
-        )
-        with self._errors(), self._engine.connect() as connection:
-            text = connection.scalar(query)
+        text = self._text(_ATTRIBUTES[shown], name, key)
+        with self._errors():
             return None if text is None else json.loads(text)
+
+    def _text(self, attribute: sa.Table, name: str, key: str) -> str | None:
+        of_study = attribute.c.study_id == self._study_id(name)
+        with self._errors(), self._engine.connect() as connection:
+            return connection.scalar(sa.select(attribute.c.value_json).where(of_study, attribute.c.key == key))
 
     def set_attribute(
         self, name: str, key: str, value: Any, shown: bool = True, write_check: WriteCheck = unchecked
