@@ -269,15 +269,10 @@ def refuse_unsuited(study: StudySettings, is_arm: bool, source: str) -> None:
     tables: tuple[Settings, ...] = study.search, study.episode, study.estimate
     for table in tables:
         keys = type(table).model_fields
-        foreign = {key for base in _parts(table) if issubclass(base, others) for key in base.model_fields}
+        foreign = {key for base in type(table).__bases__ if issubclass(base, others) for key in base.model_fields}
         for key in sorted(table.model_fields_set & foreign):
             allowed = ", ".join(each for each in keys if each not in foreign)
             raise StudyError(f"{source}: '{key}' is not for {robot}, as the plant is (allowed there: {allowed})")
     if is_arm and study.sampler in BY_FACTORS:
         able = [name for name in SAMPLERS if name not in BY_FACTORS]
         raise StudyError(f"{source}: sampler '{study.sampler}' is not for an arm (allowed: {', '.join(able)})")
-
-
-def _parts(table: Settings) -> list[type[Settings]]:
-    """The classes that a `table` is put together from."""
-    return [base for base in type(table).__bases__ if issubclass(base, Settings)]
