@@ -13,7 +13,7 @@ import pandas as pd
 from metaid.errors import StorageError, unknown
 from metaid.models import Array
 from metaid.models.tree import ModelError
-from metaid.results.best import best_index, best_rows
+from metaid.results.best import best_rows
 from metaid.results.overview import summarized
 from metaid.results.snapshot import Snapshot, read_snapshot, trials_table
 from metaid.results.validation import Validation, validate
@@ -114,12 +114,10 @@ class Findings:
     @property
     def best_factors(self) -> Array:
         """The candidate (nlump) of the best survivor.  Raises StorageError where there is none yet."""
-        survivors = self.survivors
-        if survivors.empty:
+        best = self.snapshot.best
+        if best is None:
             raise StorageError(f"study '{self.name}' has no survivor yet, so there is nothing to show: run it first")
-        best = best_index(survivors["value"].to_numpy())
-        factors: Array = survivors[self.names].to_numpy(dtype=np.float64)[best]
-        return factors
+        return best.factors
 
     @property
     def identified_factors(self) -> Array:
