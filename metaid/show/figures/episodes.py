@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from metaid.episode import Trajectory
 from metaid.models import Array
+from metaid.show.figures.panels import pair_of_panels
 from metaid.show.figures.style import COLOURS, FALL, PAGE, new_axes, save, style, verbatim
 
 if TYPE_CHECKING:  # figures of logs do without numba
@@ -49,8 +50,7 @@ def draw_episode(objective: Objective, factors: Array, path: Path) -> None:
     """Angles and phase portrait of a candidate's episode, as a file whose ending says the format."""
     record, trajectory = objective.watch(factors)
     with style():
-        figure = Figure(figsize=(PAGE, 2.6), layout="constrained")
-        left, right = figure.subplots(1, 2, width_ratios=(3, 2))
+        figure, (left, right) = pair_of_panels(PAGE, (3, 2))
         plot_angles(trajectory, record.timestep, left)
         plot_phase(trajectory, right)
         left.set_title(f"{verbatim(objective.plant.name)}: {'fell' if record.fall_step is not None else 'no fall'}")
