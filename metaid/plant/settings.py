@@ -64,7 +64,6 @@ class PlantSettings(Settings):
             raise ValueError(wrong)
         return self
 
-    why_no_chain: ClassVar[None] = None
     files: ClassVar[tuple[str, ...]] = ()
 
 
