@@ -32,15 +32,10 @@ def _compiled_loop(plant: Any, episode: Episode) -> ShortLoop | None:
 
 
 def fastest_loop(plant: Any, episode: Episode, law: Any) -> Loop:
-    """The fastest loop that the plant has and that is right.
+    """The fastest loop that the plant has and that is right; it holds the plant's state, so one per thread.
 
     Model and data are reached by their addresses, which MuJoCo does not document. So a compiled loop is first compared
-    with the stepwise one on a short episode.
-
-    Args:
-        plant: that is pushed; a loop holds its state, so one per thread.
-        episode: what is done to it.
-        law: the nominal one, by which loops are compared.
+    with the stepwise one on a short episode with a `law`, the nominal one.
     """
     compiled = _compiled_loop(plant, episode)
     if compiled is None:

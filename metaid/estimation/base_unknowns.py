@@ -68,7 +68,6 @@ class BaseUnknowns:
 
     @property
     def joints(self) -> tuple[str, ...]:
-        """What the joints are called (njoint)."""
         return tuple(self.prior.nominal.names)
 
     @cached_property
@@ -109,11 +108,9 @@ class BaseUnknowns:
         return np.ascontiguousarray(self.prior.parameters_at(self.values(unknowns)))
 
     def alone(self, unknowns: Array) -> BaseUnknowns:
-        """The arm there, of which nothing is unknown any more."""
         return replace(self, known=unknowns)
 
     def misplaced(self, unknowns: Array, step: float) -> Iterator[tuple[int, BaseUnknowns, float]]:
-        """The arm there with each joint a `step` beside where it is said to be; see `Unknowns`."""
         for joint, moved, deviation in misplaced(self.prior.nominal, step):
             yield joint, replace(self, known=unknowns, moved=moved), deviation
 
@@ -135,7 +132,6 @@ class BaseUnknowns:
         return np.asarray(inverse @ (values - self.prior.values), dtype=np.float64)
 
     def torques(self, speed: float) -> Array:
-        """About what each joint needs (njoint), in N m, at a `speed` in rad/s."""
         states = random_states(self.prior.nominal, POSES, np.random.default_rng(0))[0]
         rest, each = np.zeros_like(states), np.full_like(states, speed**2)
         needed = joint_torque(self.prior.nominal, states, rest, each)
@@ -148,7 +144,6 @@ class BaseUnknowns:
         return self.torques(1.0)
 
     def estimated(self, found: dict[str, Any]) -> ArmEstimate:
-        """The estimate with the fields of a `Fit` that were `found`."""
         return ArmEstimate(**found, searched=self)
 
 

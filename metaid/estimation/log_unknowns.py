@@ -83,7 +83,6 @@ class LogUnknowns:
 
     @property
     def joints(self) -> tuple[str, ...]:
-        """What the joints are called (njoint)."""
         return tuple(f"joint {i + 1}" for i in range(self.nlink))
 
     @cached_property
@@ -135,16 +134,13 @@ class LogUnknowns:
         return np.log(parameters_of(self.names, lumps) / parameters_of(self.names, self.nominal))
 
     def torques(self, speed: float) -> Array:
-        """About what each joint needs (njoint), in N m, at a `speed` in rad/s."""
         return np.maximum(self.gravity * self.nominal.gravity, self.inertia * speed**2)
 
     @property
     def inertia(self) -> Array:
-        """About what each joint needs (njoint) for an acceleration of 1 rad/s², in kg m²."""
         return self.nominal.of("inertia")
 
     def alone(self, log_factors: Array) -> LogUnknowns:
-        """A chain with these `log_factors` (nunknown), of which nothing is unknown any more."""
         return LogUnknowns(self.lumps(log_factors), self.gravity, ())
 
     def misplaced(self, log_factors: Array, step: float) -> Iterator[tuple[int, LogUnknowns, float]]:
@@ -162,7 +158,6 @@ class LogUnknowns:
         """Logarithms are those of lumps above 0: an estimate says itself whether a chain has such a mass matrix."""
 
     def estimated(self, found: dict[str, Any]) -> Estimate:
-        """The estimate with the fields of a `Fit` that were `found`."""
         return Estimate(**found, searched=self)
 
 

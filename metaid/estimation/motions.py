@@ -35,7 +35,6 @@ class WatchedTrials:
 
     @property
     def spreads(self) -> Array:
-        """Of the unknowns (nunknown), beforehand."""
         return np.full(len(self.unknowns.names), self.unknowns.spread)
 
     @property

@@ -174,12 +174,8 @@ class SearchedFaults:
         return Further(np.stack(torques, axis=-1) if torques else np.empty((*acted.shape, 0)), joints)
 
     def delivered(self, trial: ReadTrial, period: float, unknowns: Array) -> Array:
-        """The torques that act in place of those commanded, in the order of C: for another, loops are compiled anew.
-
-        Args:
-            trial: with the torques that were commanded (npush x nstep x njoint), in N m.
-            period: from one to the next, in s.
-            unknowns: where the faults are (nfault).
+        """The torques (npush x nstep x njoint), in N m, that act in place of those of a `trial`, one each `period` s,
+        at these `unknowns` (nfault); in the order of C: for another, loops are compiled anew.
         """
         return self._made_of(self._arriving(trial, period, unknowns), unknowns)
 

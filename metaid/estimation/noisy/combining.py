@@ -174,13 +174,8 @@ def _told_apart(combining: Combining, best: Tried, known: tuple[str, ...]) -> Tr
 
 
 def _are_hung_on(found: Found, faults: FoundFaults, covariance: Array) -> NDArray[np.bool_]:
-    """Which of the `faults` (nfault) some of what an estimate names hangs on, so that it is not determined beside what
-    the fault may be.
-
-    Args:
-        found: the estimate.
-        faults: with it, unbounded.
-        covariance: of its unknowns and those of the faults.
+    """Which of the unbounded `faults` (nfault) some of what was `found` hangs on, so that it is not determined beside
+    what the fault may be, by the `covariance` of its unknowns and those of the faults.
     """
     count = len(found.unknowns)
     variances = np.diag(covariance)[count:]

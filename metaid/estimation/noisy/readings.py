@@ -68,13 +68,11 @@ class Readings:
 
     @property
     def spreads(self) -> Array:
-        """Of the log factors and the faults (nunknown), beforehand."""
         own = np.full(len(self.unknowns.names), self.unknowns.spread)
         return np.append(own, np.ones(len(self.faults.names)))
 
     @property
     def stages(self) -> int:
-        """How many windows there are."""
         return max(len(windows.ends) for windows in self._windows)
 
     @property
@@ -84,7 +82,6 @@ class Readings:
 
     @property
     def least_gain(self) -> float:
-        """Of cost; a step that promises less is not made."""
         return self.unknowns.least_gain
 
     @property

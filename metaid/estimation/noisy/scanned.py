@@ -23,11 +23,8 @@ ROUNDS = 4  # through the joints: what is beyond the limit of one may look like 
 
 def teeth_shown(led: Innovations, point: Array) -> int:
     """How many times a turn the torque repeats, in each joint with an amplitude and a phase of its own, that leaves
-    least of the innovations beside unknowns that may change with it; 0 where the twin cannot follow.  Eq. 42.
-
-    Args:
-        led: of all trials, with gains.
-        point: the unknowns, with what concerns a push alone behind them.
+    least of the innovations of all trials, at a `point` with what concerns a push alone, beside unknowns that may
+    change with it; 0 where the twin cannot follow.  Eq. 42.
     """
     scan, each = _scan(led, point, [_waves(trial) for trial in led.trials]), 2 * led.unknowns.njoint
     if scan is None:
@@ -41,10 +38,6 @@ def limits_shown(led: Innovations, point: Array) -> Array | None:
     beside those of the others, found one joint after the other from none on, and from the level that leaves least as
     that of all; where a joint has none, the largest torque that was commanded. None where all have none, or the twin
     cannot follow.
-
-    Args:
-        led: of all trials, with gains.
-        point: the unknowns, with what concerns a push alone behind them.
     """
     n = led.unknowns.njoint
     most = np.max([np.abs(trial.torques).max(axis=(0, 1)) for trial in led.trials], axis=0)

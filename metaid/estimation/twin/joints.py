@@ -23,13 +23,7 @@ def joint_state(joint, work):  # type: ignore[no-untyped-def]
 
 @compiled
 def joint_force(joint, balance, work):  # type: ignore[no-untyped-def]
-    """The torque in a joint, in N m; keeps the share of dry friction, and what cogging's derivatives need.
-
-    Args:
-        joint: which, from 0.
-        balance: what the motion follows from, of a kernel.
-        work: see `workspace`.
-    """
+    """The torque in a joint, in N m; keeps the share of dry friction, and what cogging's derivatives need."""
     angle, speed = joint_state(joint, work)
     bent, share = angle - balance.straight[joint], min(max(speed * (1.0 / SLIDING), -1.0), 1.0)
     force = balance.damping[joint] * speed + balance.coulomb[joint] * share + balance.spring[joint] * bent
@@ -85,13 +79,7 @@ def slopes_of_joints(balance, work):  # type: ignore[no-untyped-def]
 
 @fused
 def builds_up(joint, balance, work):  # type: ignore[no-untyped-def]
-    """The derivative of the share of dry friction in a joint by its angle, in 1/rad.
-
-    Args:
-        joint: which, from 0.
-        balance: what the motion follows from, of a kernel.
-        work: see `workspace`; `slip` is as the force was.
-    """
+    """The derivative of the share of dry friction in a joint by its angle, in 1/rad; `slip` is as the force was."""
     angle, speed = joint_state(joint, work)
     moved = angle - work.slip[1, joint]
     goal = np.sign(moved) if moved != 0.0 else np.sign(speed)
@@ -124,13 +112,7 @@ def twist_by_slips(balance, work):  # type: ignore[no-untyped-def]
 
 @fused
 def end_slips(balance, beside, work):  # type: ignore[no-untyped-def]
-    """The share of dry friction after the step, and its derivatives.
-
-    Args:
-        balance: what the motion follows from, of a kernel.
-        beside: what is unknown beside the robot; None where nothing is unknown at all.
-        work: see `workspace`.
-    """
+    """The share of dry friction after the step, and its derivatives, unless what is `beside` is None."""
     for i in range(work.angle.shape[0] if balance.presliding > 0.0 else 0):
         angle, speed = joint_state(i, work)
         _slipping(i, angle, speed, balance, work)
@@ -166,12 +148,8 @@ def _slip_beside(joint, balance, beside, work):  # type: ignore[no-untyped-def]
 
 @fused
 def by_presliding(joint, balance, work):  # type: ignore[no-untyped-def]
-    """The derivative of the share of dry friction in a joint by the way over which it builds up, in 1/rad.
-
-    Args:
-        joint: which, from 0.
-        balance: what the motion follows from, of a kernel.
-        work: see `workspace`; `slip` is as the force was.
+    """The derivative of the share of dry friction in a joint by the way over which it builds up, in 1/rad;
+    `slip` is as the force was.
     """
     if balance.presliding == 0.0:
         return 0.0

@@ -128,11 +128,6 @@ def beside(further: Further, lean: Array, from_below: Array, tilts: Array, first
 
 
 def no_joints(njoint: int, tilts: int) -> Joints:
-    """Joints that have nothing beside the parameters.
-
-    Args:
-        njoint: how many there are.
-        tilts: about how many axes their base may be tilted.
-    """
+    """So many joints that have nothing beside the parameters, with a base that may be tilted about so many axes."""
     none = np.zeros(njoint)
     return Joints(none, none, none, none, np.zeros(tilts), none, np.array([PRESLIDING]), np.zeros((3, njoint)))
