@@ -21,7 +21,7 @@ from metaid.compiled.kalman import (
 )
 from metaid.compiled.loop import CompiledLoop
 from metaid.compiled.objective import Objective
-from metaid.compiled.products import BLOCK, LANES, multiply, whole
+from metaid.compiled.products import BLOCK, LANES, factorise, multiply, solve, solve_rows, whole
 from metaid.compiled.quiet import quiet_mujoco
 from metaid.compiled.sharing import share_out
 from metaid.compiled.stages import Step, fastest_step, step_of

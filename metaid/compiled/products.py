@@ -1,4 +1,5 @@
-"""Products of small matrices, compiled: blocks of them stay in registers while loops run along their columns.
+"""Small matrices, compiled: products, whose blocks stay in registers while loops run along their columns, and systems
+of equations.
 
 Loops run along slices. Only of a slice does the compiler know that no index is negative, and only then does it use
 vector instructions.
@@ -6,7 +7,7 @@ vector instructions.
 
 from __future__ import annotations
 
-from metaid.compiled.decorator import fused
+from metaid.compiled.decorator import compiled, fused
 
 BLOCK = 4  # rows and columns that are multiplied at once, held in registers
 LANES = 8  # numbers in one instruction, at most
@@ -45,3 +46,57 @@ def multiply(closed, moved, changed, low, high):  # type: ignore[no-untyped-def]
                 row1[p] += b0 * x + b1 * y + b2 * z + b3 * w
                 row2[p] += c0 * x + c1 * y + c2 * z + c3 * w
                 row3[p] += d0 * x + d1 * y + d2 * z + d3 * w
+
+
+@compiled
+def factorise(matrix, extra, factor):  # type: ignore[no-untyped-def]
+    """Fills in L, with D on its diagonal, of L D Lᵀ = `matrix` with `extra` on its diagonal; whether that is positive
+    definite. Of the `matrix`, which may be the `factor` itself, the lower triangle counts.
+    """
+    n = matrix.shape[0]
+    for i in range(n):
+        for j in range(i + 1):
+            rest = matrix[i, j]
+            for k in range(j):
+                rest -= factor[i, k] * factor[j, k] * factor[k, k]
+            if i == j:
+                rest += extra[i]
+                if not rest > 0.0:
+                    return False
+                factor[i, i] = rest
+            else:
+                factor[i, j] = rest / factor[j, j]
+    return True
+
+
+@compiled
+def solve(factor, vector):  # type: ignore[no-untyped-def]
+    """Replaces a `vector` by the solution of L D Lᵀ x = vector."""
+    n = vector.shape[0]
+    for i in range(n):
+        for j in range(i):
+            vector[i] -= factor[i, j] * vector[j]
+    for i in range(n - 1, -1, -1):
+        vector[i] /= factor[i, i]
+        for j in range(i + 1, n):
+            vector[i] -= factor[j, i] * vector[j]
+
+
+@fused
+def solve_rows(factor, rows):  # type: ignore[no-untyped-def]
+    """Replaces `rows` (n x any) by the solution of L D Lᵀ x = rows."""
+    n = factor.shape[0]
+    for i in range(n):
+        row = rows[i]
+        for k in range(i):
+            share, other = factor[i, k], rows[k]
+            for p in range(row.shape[0]):
+                row[p] -= share * other[p]
+    for i in range(n - 1, -1, -1):
+        row, scale = rows[i], 1.0 / factor[i, i]
+        for p in range(row.shape[0]):
+            row[p] *= scale
+        for k in range(i + 1, n):
+            share, other = factor[k, i], rows[k]
+            for p in range(row.shape[0]):
+                row[p] -= share * other[p]

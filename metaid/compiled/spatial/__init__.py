@@ -9,13 +9,11 @@ from metaid.compiled.spatial.dynamics import (
     Frames,
     Space,
     accelerating_torques,
-    factorise,
     fill_mass_matrix,
     frames_of,
     joint_torques,
     move_links,
     new_space,
     place_link,
-    solve,
 )
 from metaid.compiled.spatial.vectors import cross, dot, outward, plus, put, symmetric, triple

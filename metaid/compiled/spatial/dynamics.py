@@ -288,39 +288,3 @@ def _add_carried(own, first, inertia, matrix, place, below):  # type: ignore[no-
     below[7] += dot(two, row1) + around - 2.0 * py * hy
     below[8] += dot(two, row2) - py * hz - hy * pz
     below[9] += dot(three, row2) + around - 2.0 * pz * hz
-
-
-@compiled
-def factorise(matrix, extra, factor):  # type: ignore[no-untyped-def]
-    """The lower Cholesky factor of `matrix` with `extra` on its diagonal; whether it is positive definite."""
-    n = matrix.shape[0]
-    for i in range(n):
-        for j in range(i + 1):
-            rest = matrix[i, j]
-            if i == j:
-                rest += extra[i]
-            for k in range(j):
-                rest -= factor[i, k] * factor[j, k]
-            if i == j:
-                if not rest > 0.0:
-                    return False
-                factor[i, i] = np.sqrt(rest)
-            else:
-                factor[i, j] = rest / factor[j, j]
-    return True
-
-
-@compiled
-def solve(factor, vector):  # type: ignore[no-untyped-def]
-    """Replaces a `vector` by the solution of factor · factorᵀ x = vector."""
-    n = vector.shape[0]
-    for i in range(n):
-        rest = vector[i]
-        for j in range(i):
-            rest -= factor[i, j] * vector[j]
-        vector[i] = rest / factor[i, i]
-    for i in range(n - 1, -1, -1):
-        rest = vector[i]
-        for j in range(i + 1, n):
-            rest -= factor[j, i] * vector[j]
-        vector[i] = rest / factor[i, i]

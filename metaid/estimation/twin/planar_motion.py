@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.compiled import compiled
+from metaid.compiled import compiled, factorise, solve
 from metaid.estimation.log_unknowns import Columns, LogUnknowns
 from metaid.estimation.trials import NOTHING_FURTHER, Further, Joints
 from metaid.estimation.twin.joints import joint_force
@@ -68,13 +68,13 @@ class PlanarDerivatives(NamedTuple):
 
 
 class PlanarSpace(NamedTuple):
-    """What a planar kernel works in: `cosine` and `sine` of the true angles (n); `factors` (n x n), L and D of
+    """What a planar kernel works in: `cosine` and `sine` of the true angles (n); `factor` (n x n), L and D of
     M = L D Lᵀ.
     """
 
     cosine: Array
     sine: Array
-    factors: Array
+    factor: Array
 
 
 def planar_balance(
@@ -175,27 +175,15 @@ def _force(balance, work):  # type: ignore[no-untyped-def]
 
 @compiled
 def _solve(balance, work):  # type: ignore[no-untyped-def]
-    """Turns F into α = M⁻¹ F by M = L D Lᵀ; False where M is not positive definite."""
-    acceleration, cosine, sine, factors = work.acceleration, work.own.cosine, work.own.sine, work.own.factors
-    n = acceleration.shape[0]
-    for i in range(n):
-        force, pivot = acceleration[i], balance.mass_inertia[i]
+    """Turns F into α = M⁻¹ F; False where M is not positive definite."""
+    cosine, sine, factor = work.own.cosine, work.own.sine, work.own.factor
+    for i in range(factor.shape[0]):
         for j in range(i):
-            factor = balance.mass_coriolis[i, j] * (cosine[i] * cosine[j] + sine[i] * sine[j])
-            if j == i - 1:
-                factor -= balance.rotor[i]
-            for k in range(j):
-                factor -= factors[i, k] * factors[j, k] * factors[k, k]
-            factor /= factors[j, j]
-            factors[i, j] = factor
-            force -= factor * acceleration[j]
-            pivot -= factor * factor * factors[j, j]
-        if not pivot > 0.0:
-            return False
-        factors[i, i] = pivot
-        acceleration[i] = force
-    for i in range(n - 1, -1, -1):
-        acceleration[i] /= factors[i, i]
-        for k in range(i + 1, n):
-            acceleration[i] -= factors[k, i] * acceleration[k]
+            factor[i, j] = balance.mass_coriolis[i, j] * (cosine[i] * cosine[j] + sine[i] * sine[j])
+        factor[i, i] = 0.0
+        if i > 0:
+            factor[i, i - 1] -= balance.rotor[i]
+    if not factorise(factor, balance.mass_inertia, factor):
+        return False
+    solve(factor, work.acceleration)
     return True

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from metaid.compiled import fused
+from metaid.compiled import fused, solve_rows
 from metaid.estimation.twin.joints import joint_state, slopes_of_joints
 from metaid.models import SLIDING
 
@@ -12,27 +12,7 @@ def linearise(balance, work):  # type: ignore[no-untyped-def]
     """Fills `solved` (nlink x 3 nlink) with M⁻¹ [1 G H]."""
     _slopes_of_forces(balance, work)
     slopes_of_joints(balance, work)
-    _solve_rows(work.own.factors, work.solved)
-
-
-@fused
-def _solve_rows(factors, rows):  # type: ignore[no-untyped-def]
-    """Replaces `rows` (nlink x any) by the solution of L D Lᵀ x = rows."""
-    n = factors.shape[0]
-    for i in range(n):
-        row = rows[i]
-        for k in range(i):
-            factor, other = factors[i, k], rows[k]
-            for p in range(row.shape[0]):
-                row[p] -= factor * other[p]
-    for i in range(n - 1, -1, -1):
-        row, scale = rows[i], 1.0 / factors[i, i]
-        for p in range(row.shape[0]):
-            row[p] *= scale
-        for k in range(i + 1, n):
-            factor, other = factors[k, i], rows[k]
-            for p in range(row.shape[0]):
-                row[p] -= factor * other[p]
+    solve_rows(work.own.factor, work.solved)
 
 
 @fused
@@ -75,7 +55,7 @@ def force_by_unknowns(derivatives, work):  # type: ignore[no-untyped-def]
         if coulomb_column >= 0:
             share = min(max(speed * (1.0 / SLIDING), -1.0), 1.0)
             _rub(i, share * derivatives.coulomb[i], coulomb_column, changed)
-    _solve_rows(work.own.factors, changed)
+    solve_rows(work.own.factor, changed)
 
 
 @fused

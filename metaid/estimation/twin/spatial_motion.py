@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.compiled import compiled
-from metaid.compiled.spatial import Frames, Space, accelerating_torques, factorise, fill_mass_matrix, new_space, solve
+from metaid.compiled import compiled, factorise, solve
+from metaid.compiled.spatial import Frames, Space, accelerating_torques, fill_mass_matrix, new_space
 from metaid.estimation.trials import Further, Joints
 from metaid.estimation.twin.joints import joint_force
 from metaid.estimation.twin.workspace import Beside, beside, no_joints

@@ -6,7 +6,7 @@ linear in, exact (Eqs. 49 to 52).
 
 from __future__ import annotations
 
-from metaid.compiled import compiled, fused
+from metaid.compiled import compiled, fused, solve_rows
 from metaid.compiled.spatial import (
     Frames,
     accelerating_torques,
@@ -42,7 +42,7 @@ def linearise(balance, work):  # type: ignore[no-untyped-def]
     for i in range(n if balance.softness.shape[0] > 0 else 0):
         if balance.sticking[i] > 0.0 and work.slip[2, i] == 0.0:
             solved[i, 2 * n + i] -= STOPPING / balance.softness[i]
-    _solve_rows(own.space.factor, solved)
+    solve_rows(own.space.factor, solved)
 
 
 @fused
@@ -77,28 +77,6 @@ def _add_slopes_of_torques(sign, parameters, acceleration, stiffness, balance, w
 
 
 @fused
-def _solve_rows(factor, rows):  # type: ignore[no-untyped-def]
-    """Replaces `rows` (njoint x any) by the solution of factor · factorᵀ x = rows."""
-    n = factor.shape[0]
-    for i in range(n):
-        row, scale = rows[i], 1.0 / factor[i, i]
-        for j in range(i):
-            share, other = factor[i, j], rows[j]
-            for p in range(row.shape[0]):
-                row[p] -= share * other[p]
-        for p in range(row.shape[0]):
-            row[p] *= scale
-    for i in range(n - 1, -1, -1):
-        row, scale = rows[i], 1.0 / factor[i, i]
-        for j in range(i + 1, n):
-            share, other = factor[j, i], rows[j]
-            for p in range(row.shape[0]):
-                row[p] -= share * other[p]
-        for p in range(row.shape[0]):
-            row[p] *= scale
-
-
-@fused
 def force_by_unknowns(balance, derivatives, work):  # type: ignore[no-untyped-def]
     """Fills `changed` (njoint x nunknown) with M⁻¹ Y."""
     own, changed, links, kinds = work.own, work.changed, derivatives.links, derivatives.kinds
@@ -120,7 +98,7 @@ def force_by_unknowns(balance, derivatives, work):  # type: ignore[no-untyped-de
             held = (work.acceleration[i] + STOPPING * work.speed[i]) / balance.softness[i] ** 2
             for p in range(links.shape[0]):
                 changed[i, p] += held * derivatives.softness[i, p]
-    _solve_rows(own.space.factor, changed)
+    solve_rows(own.space.factor, changed)
 
 
 @compiled
