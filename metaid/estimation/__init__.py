@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from metaid.estimation.approximation import Approximation, HeldOut, Prediction
 from metaid.estimation.base_unknowns import ArmEstimate, BaseUnknowns
 from metaid.estimation.descent import FARTHEST, Residuals, descend, place_at
-from metaid.estimation.estimate import Found, fit
+from metaid.estimation.estimate import Found
 from metaid.estimation.faults import (
     FoundFaults,
     Proposal,
@@ -26,7 +26,7 @@ from metaid.estimation.faults import (
     Unmodelled,
     searched_faults,
 )
-from metaid.estimation.fit import starting_points
+from metaid.estimation.fit import fit, starting_points
 from metaid.estimation.log_unknowns import Estimate, LogUnknowns
 from metaid.estimation.trials import Replay, WatchedTrial, upright
 

@@ -143,7 +143,7 @@ class BaseUnknowns:
         """About what each joint needs (njoint) to be held and accelerated by 1 rad/s² or m/s²."""
         return self.torques(1.0)
 
-    def estimated(self, found: dict[str, Any]) -> ArmEstimate:
+    def estimated(self, **found: Any) -> ArmEstimate:
         return ArmEstimate(**found, searched=self)
 
 

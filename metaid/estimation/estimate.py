@@ -1,25 +1,34 @@
-"""What all trials of a study say of a robot: what every estimate has, and the fit that makes it."""
+"""What all trials of a study say of a robot: what every estimate has."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
-from metaid.estimation.faults import FoundFaults, found_faults
-from metaid.estimation.fit import Fit, Growing, find, refine
+from metaid.estimation.faults import FoundFaults
 from metaid.estimation.unknowns import Unknowns
 from metaid.models import Array
 
 
 @dataclass(frozen=True, kw_only=True)
-class Found(Fit):
+class Found:
     """What all trials say of a robot: numbers by their `names`, and values that follow from these. Those of a chain are
     its parameters, with log factors, and its lumps; those of an arm are its base parameters, both.
 
     Attributes:
+        names: of what was unknown (nunknown); faults that were searched beside them come after these.
+        unknowns: z (nunknown), the changes of the nominal model that show what was seen.
+        covariance: of the unknowns (nunknown x nunknown).
+        cost: half the sum of squares of the residuals, with that of the prior.
+        misfit: root mean square of the residuals, scaled by what noise or rounding explains.
+        explained_below: a misfit below this says that the model explains what was seen.
+        iterations: steps of all descents.
+        residuals: of each trial by push and joint (npush x njoint), root mean square over the windows.
+        extras: the unknowns that concern one push alone (nextra): start speeds scaled by what pushes differ by, or
+            none where these are read.
         searched: what was unknown of it.
         faults: that were searched beside that; None where none were.
         torque_noise: standard deviation of the noise of each joint's torque (njoint), in N m, that was found; None
@@ -31,6 +40,15 @@ class Found(Fit):
         counts: how many counts were compared, of which the misfit is the number that differs; None where none were.
     """
 
+    names: tuple[str, ...]
+    unknowns: Array
+    covariance: Array
+    cost: float
+    misfit: float
+    explained_below: float
+    iterations: int
+    residuals: tuple[Array, ...]
+    extras: Array
     searched: Unknowns
     faults: FoundFaults | None = None
     torque_noise: Array | None = None
@@ -40,6 +58,16 @@ class Found(Fit):
 
     lacks: ClassVar[str]  # what such models often lack, in words
     share_of: ClassVar[str]  # what `shares` are of
+
+    @property
+    def is_explained(self) -> bool:
+        """Whether the model explains what was seen."""
+        return self.misfit < self.explained_below
+
+    @property
+    def deviations(self) -> Array:
+        """Standard deviation of each unknown (nunknown)."""
+        return np.sqrt(np.diag(self.covariance))
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -139,45 +167,3 @@ class Found(Fit):
     def start(self) -> Array:
         """The unknowns of the robot and the faults, from which a fit to more trials begins."""
         return self.unknowns if self.faults is None else np.append(self.unknowns, self.faults.unknowns)
-
-
-def fit(
-    comparison: Growing,
-    start: Array | None = None,
-    restarts: int = 3,
-    refines: bool = False,
-    explains: bool = False,
-) -> Any:
-    """The robot that all trials of a `comparison` lead to: a `Found`.
-
-    Args:
-        comparison: what is compared with the twin.
-        start: unknowns of the robot, with faults behind them (nunknown), to try before the nominal model, such as
-            those of the estimate before, and perhaps those that concern one push alone (nextra); None for where fits to
-            such a robot begin.
-        restarts: how often the fit may begin at a random point of the prior, where the misfit says that it ended in a
-            wrong minimum.
-        refines: whether all windows are compared from the `start` on, where that is in the valley of the truth.
-        explains: whether a fit is wanted only where it explains what was seen: then what will not is given up early.
-
-    Raises:
-        ValueError: the twin cannot follow the trials from any start, or explains them from none though it is to.
-    """
-    found = refine(comparison, start) if refines and start is not None else None
-    found = found or find(comparison, begun(comparison, start), restarts, explains)
-    if found is None:
-        raise ValueError("no robot near the nominal one moves through any window: the nominal model is none's")
-    count = len(found.names)
-    faults = None
-    if comparison.faults.names:
-        faults = found_faults(comparison.faults, found.unknowns[count:], found.deviations[count:])
-    own = {"unknowns": found.unknowns[:count], "covariance": found.covariance[:count, :count], "faults": faults}
-    return comparison.unknowns.estimated(vars(found) | own)
-
-
-def begun(comparison: Growing, start: Array | None) -> Array | None:
-    """Where a fit begins (nunknown): at the `start` if there is one, else where fits to such a robot do, without
-    faults; None for the nominal model.
-    """
-    begin = comparison.unknowns.begin if start is None else None
-    return start if begin is None else np.append(begin, np.zeros(len(comparison.faults.names)))

@@ -12,8 +12,9 @@ import numpy as np
 
 from metaid.episode import Outcome
 from metaid.estimation.approximation import HeldOut, Prediction
-from metaid.estimation.estimate import Found, fit
+from metaid.estimation.estimate import Found
 from metaid.estimation.faults import NO_FAULTS, Proposal, SearchedFaults, TakenUp, Unmodelled, searched_faults
+from metaid.estimation.fit import fit
 from metaid.estimation.laws import Laws
 from metaid.estimation.motions import Motions, Quantity
 from metaid.estimation.noisy import (

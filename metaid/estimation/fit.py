@@ -5,13 +5,13 @@ from elsewhere where it ends in a wrong minimum.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from dataclasses import replace
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
 from metaid.estimation.descent import Descent, Fitted, covariance_at, descend, place_at
-from metaid.estimation.faults import SearchedFaults
+from metaid.estimation.faults import SearchedFaults, found_faults
 from metaid.estimation.unknowns import Unknowns
 from metaid.models import Array
 
@@ -55,65 +55,66 @@ class Growing(Fitted, Protocol):
         """Root mean square of the residuals of each trial (npush x njoint)."""
 
 
-@dataclass(frozen=True)
-class Fit:
-    """What all trials say.
-
-    Attributes:
-        names: of what was unknown (nunknown); faults that were searched beside them come after these.
-        unknowns: z (nunknown), the changes of the nominal model that show what was seen.
-        covariance: of the unknowns (nunknown x nunknown).
-        cost: half the sum of squares of the residuals, with that of the prior.
-        misfit: root mean square of the residuals, scaled by what noise or rounding explains.
-        explained_below: a misfit below this says that the model explains what was seen.
-        iterations: steps of all descents.
-        residuals: of each trial by push and joint (npush x njoint), root mean square over the windows.
-        extras: the unknowns that concern one push alone (nextra): start speeds scaled by what pushes differ by, or
-            none where these are read.
-    """
-
-    names: tuple[str, ...]
-    unknowns: Array
-    covariance: Array
-    cost: float
-    misfit: float
-    explained_below: float
-    iterations: int
-    residuals: tuple[Array, ...]
-    extras: Array
-
-    @property
-    def is_explained(self) -> bool:
-        """Whether the model explains what was seen."""
-        return self.misfit < self.explained_below
-
-    @property
-    def point(self) -> Array:
-        """All unknowns (nunknown + nextra) of the fit."""
-        return np.append(self.unknowns, self.extras)
-
-    @property
-    def deviations(self) -> Array:
-        """Standard deviation of each unknown (nunknown)."""
-        return np.sqrt(np.diag(self.covariance))
-
-
-def find(comparison: Growing, start: Array | None = None, restarts: int = 3, explains: bool = False) -> Fit | None:
-    """What all trials of a `comparison` lead to; None where the twin cannot follow them from any start.
+def fit(
+    comparison: Growing,
+    start: Array | None = None,
+    restarts: int = 3,
+    refines: bool = False,
+    explains: bool = False,
+) -> Any:
+    """The robot that all trials of a `comparison` lead to: a `Found`.
 
     Args:
         comparison: what is compared with the twin.
-        start: unknowns (nunknown) to try before the nominal model, such as those of the estimate before, and perhaps
-            those that concern one push alone (nextra).
+        start: unknowns of the robot, with faults behind them (nunknown), to try before the nominal model, such as
+            those of the estimate before, and perhaps those that concern one push alone (nextra); None for where fits to
+            such a robot begin.
         restarts: how often the fit may begin at a random point of the prior, where the misfit says that it ended in a
             wrong minimum.
+        refines: whether all windows are compared from the `start` on, where that is in the valley of the truth.
         explains: whether a fit is wanted only where it explains what was seen: then what will not is given up early.
+
+    Raises:
+        ValueError: the twin cannot follow the trials from any start, or explains them from none though it is to.
     """
+    found = _refined(comparison, start) if refines and start is not None else None
+    found = found or _found(comparison, begun(comparison, start), restarts, explains)
+    if found is None:
+        raise ValueError("no robot near the nominal one moves through any window: the nominal model is none's")
+    place, robot, faults = found.place, comparison.unknowns, None
+    covariance, count = covariance_at(place, comparison.spreads), len(robot.names)  # Eq. 27
+    if comparison.faults.names:
+        unknowns, variances = place.point[count : len(covariance)], np.diag(covariance)[count:]
+        faults = found_faults(comparison.faults, unknowns, np.sqrt(variances))
+    return robot.estimated(
+        names=tuple(robot.names),
+        unknowns=place.point[:count],
+        covariance=covariance[:count, :count],
+        cost=place.cost,
+        misfit=misfit(found),
+        explained_below=comparison.explained_below,
+        iterations=found.iterations,
+        residuals=comparison.by_joint(place.point),
+        extras=place.point[len(covariance) :],
+        faults=faults,
+    )
+
+
+def begun(comparison: Growing, start: Array | None) -> Array | None:
+    """Where a fit begins (nunknown): at the `start` if there is one, else where fits to such a robot do, without
+    faults; None for the nominal model.
+    """
+    begin = comparison.unknowns.begin if start is None else None
+    return start if begin is None else np.append(begin, np.zeros(len(comparison.faults.names)))
+
+
+def _found(comparison: Growing, start: Array | None, restarts: int, explains: bool) -> Descent | None:
+    """The lowest descent from all starts; see `fit`. None where the twin cannot follow from any of them."""
     best: Descent | None = None
     iterations = 0
     for point in starting_points(comparison, start, restarts):
         most = MOST_EXACT if restarts >= 0 else MOST_EXPLAINING if explains else MOST_ALONE
-        found = grow(comparison, _whole(comparison, point), most, explains)
+        found = _grow(comparison, _whole(comparison, point), most, explains)
         if found is None:
             continue
         iterations += found.iterations
@@ -121,20 +122,16 @@ def find(comparison: Growing, start: Array | None = None, restarts: int = 3, exp
             best = found
         if misfit(best) < comparison.explained_below:
             break
-    if best is None:
-        return None
-    return _fit(comparison, best, iterations)
+    return None if best is None else replace(best, iterations=iterations)
 
 
-def refine(comparison: Growing, start: Array) -> Fit | None:
-    """The fit on all windows at once from a `start` (nunknown) in the valley of the truth; None where it is not there.
+def _refined(comparison: Growing, start: Array) -> Descent | None:
+    """The descent on all windows at once from a `start` (nunknown) in the valley of the truth; None if it is not there.
 
     The estimate from the trials before is such a start, where these were explained: windows need not grow again.
     """
     found = _descent(comparison, _whole(comparison, start), comparison.stages)
-    if found is None or not misfit(found) < comparison.explained_below:
-        return None
-    return _fit(comparison, found, found.iterations)
+    return found if found is not None and misfit(found) < comparison.explained_below else None
 
 
 def settled(comparison: Growing, point: Array) -> Array | None:
@@ -145,7 +142,7 @@ def settled(comparison: Growing, point: Array) -> Array | None:
     return None if found is None else found.place.point[: len(comparison.spreads)]
 
 
-def grow(comparison: Growing, point: Array, most: int = MOST_EXACT, explains: bool = False) -> Descent | None:
+def _grow(comparison: Growing, point: Array, most: int, explains: bool) -> Descent | None:
     """The descent from a `point`, on the shortest windows first; None where the twin cannot follow from there.
 
     From one stage to the next, windows grow by `comparison.stride`. A descent that does not explain what it was led to
@@ -223,18 +220,3 @@ def starting_points(comparison: Fitted, start: Array | None, restarts: int) -> I
 def _whole(comparison: Fitted, point: Array) -> Array:
     """All unknowns (nunknown + nextra) of a `point`, those 0 that it lacks at its end."""
     return np.append(point, np.zeros(len(comparison.spreads) + comparison.extras - len(point)))
-
-
-def _fit(comparison: Growing, found: Descent, iterations: int) -> Fit:
-    place, count = found.place, len(comparison.spreads)
-    return Fit(
-        names=tuple(comparison.unknowns.names),
-        unknowns=place.point[:count],
-        covariance=covariance_at(place, comparison.spreads),  # Eq. 27
-        cost=place.cost,
-        misfit=misfit(found),
-        explained_below=comparison.explained_below,
-        iterations=iterations,
-        residuals=comparison.by_joint(place.point),
-        extras=place.point[count:],
-    )

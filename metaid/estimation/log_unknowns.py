@@ -157,7 +157,7 @@ class LogUnknowns:
     def nearest(self, log_factors: Array, covariance: Array) -> None:
         """Logarithms are those of lumps above 0: an estimate says itself whether a chain has such a mass matrix."""
 
-    def estimated(self, found: dict[str, Any]) -> Estimate:
+    def estimated(self, **found: Any) -> Estimate:
         return Estimate(**found, searched=self)
 
 

@@ -78,5 +78,5 @@ class Unknowns(Protocol):
         their `covariance` (nunknown x nunknown); None where a plant can have these.
         """
 
-    def estimated(self, found: dict[str, Any], /) -> Any:
-        """The estimate with the fields of a `Fit` that were `found`, and the faults."""
+    def estimated(self, **found: Any) -> Any:
+        """The estimate with the fields of a `Found` that a fit has `found`."""

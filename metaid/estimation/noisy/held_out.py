@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from metaid.estimation.approximation import HeldOut, Prediction
 from metaid.estimation.descent import place_at
-from metaid.estimation.estimate import Found, fit
-from metaid.estimation.fit import settled
+from metaid.estimation.estimate import Found
+from metaid.estimation.fit import fit, settled
 from metaid.estimation.noisy.innovations import Innovations
 from metaid.estimation.noisy.polynomials import explained_by_noise
 from metaid.estimation.noisy.readings import Readings

@@ -8,8 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from metaid.estimation.estimate import Found, fit
+from metaid.estimation.estimate import Found
 from metaid.estimation.faults import Proposal, TakenUp, fault_sizes, named_faults
+from metaid.estimation.fit import fit
 from metaid.estimation.noisy.combining import combine
 from metaid.estimation.noisy.held_out import squares_of
 from metaid.estimation.noisy.readings import Readings

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from metaid.compiled import share_out
-from metaid.estimation.estimate import Found, begun, fit
+from metaid.estimation.estimate import Found
+from metaid.estimation.fit import begun, fit
 from metaid.estimation.noisy.innovations import Innovations
 from metaid.models import Array
 
