@@ -112,7 +112,7 @@ def match(links: int, seed: int) -> Match:
         half = float(0.5 * np.expm1(np.ptp(found.extent, axis=0)).max())
         true = found.searched.design @ truth
         covers = bool(((found.extent[0] <= true) & (true <= found.extent[1])).all())
-    error = float(np.abs(np.expm1(found.searched.design @ (found.log_factors - truth))).max())
+    error = float(np.abs(np.expm1(found.searched.design @ (found.unknowns - truth))).max())
     return Match(links, seed, half_periods, found.counts, round(found.misfit), error, half, covers, seconds)
 
 

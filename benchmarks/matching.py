@@ -128,11 +128,11 @@ def match(links: int, seed: int, experiment: Experiment) -> Match:
         spent["trials"] += ended - began
         if len(trials) < experiment.fewest:
             continue
-        start = estimate.log_factors if estimate is not None and estimate.misfit < EXPLAINED else None
+        start = estimate.unknowns if estimate is not None and estimate.misfit < EXPLAINED else None
         comparison = Motions(trials, unknowns, experiment.compared)
         estimate = fit(comparison, start, experiment.most_restarts(links))
         spent["fits"] += time.perf_counter() - ended
-        errors.append(float(np.abs(np.expm1(estimate.searched.design @ (estimate.log_factors - truth))).max()))
+        errors.append(float(np.abs(np.expm1(estimate.searched.design @ (estimate.unknowns - truth))).max()))
     falls = sum(not trial.seen(len(trial.ends)).all() for trial in trials)
     misfit = np.nan if estimate is None else estimate.misfit
     return Match(links, len(unknowns.names), seed, errors, len(trials), misfit, falls, spent["trials"], spent["fits"])

@@ -135,7 +135,7 @@ def _tried(spec: StudySpec) -> list[Any]:
 
 
 def _judge(links: int, seed: int, trials: int, estimate: Estimate, truth: Array, seconds: float) -> Matched:
-    error = estimate.searched.design @ (estimate.log_factors - truth)
+    error = estimate.searched.design @ (estimate.unknowns - truth)
     inside = np.abs(error) <= 1.96 * estimate.value_deviations / estimate.values
     kinds = np.array([kind_of(name) for name in estimate.searched.lump_names])
     named = [kind for kind in KINDS if (kinds == kind).any()]

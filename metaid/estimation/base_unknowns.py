@@ -174,10 +174,6 @@ class ArmEstimate(Found):
         return self.searched.root
 
     @property
-    def to_values(self) -> Array:
-        return np.eye(len(self.unknowns))
-
-    @property
     def beforehand(self) -> Array:
         """Standard deviation of each base parameter (nbase), beforehand."""
         return np.sqrt(np.diag(self.searched.prior.covariance))

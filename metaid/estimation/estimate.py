@@ -70,19 +70,14 @@ class Found:
         return np.sqrt(np.diag(self.covariance))
 
     @property
-    def joints(self) -> tuple[str, ...]:
-        """What the joints are called (njoint)."""
-        return self.searched.joints
-
-    @property
     def to_numbers(self) -> Array:
         """How what the `names` name changes with the unknowns (nname x nunknown)."""
-        raise NotImplementedError
+        return np.eye(len(self.unknowns))
 
     @property
     def to_values(self) -> Array:
         """How the values change with what the `names` name (nvalue x nname)."""
-        raise NotImplementedError
+        return np.eye(len(self.unknowns))
 
     @property
     def values(self) -> Array:

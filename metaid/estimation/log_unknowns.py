@@ -69,26 +69,22 @@ class LogUnknowns:
                 raise ValueError(f"nominal {name} is {value:g} (allowed: above 0 for a lump that is unknown)")
 
     @property
-    def nlink(self) -> int:
-        return self.nominal.nlink
-
-    @property
     def lump_names(self) -> list[str]:
         """Of the lumps (nlump)."""
-        return lump_names(self.nlink, self.kinds)
+        return lump_names(self.njoint, self.kinds)
 
     @property
     def njoint(self) -> int:
-        return self.nlink
+        return self.nominal.nlink
 
     @property
     def joints(self) -> tuple[str, ...]:
-        return tuple(f"joint {i + 1}" for i in range(self.nlink))
+        return tuple(f"joint {i + 1}" for i in range(self.njoint))
 
     @cached_property
     def _lengths(self) -> int:
         """How many lengths are unknown."""
-        return self.nlink - 1 if self.lengths is None and "coriolis" in self.kinds else 0
+        return self.njoint - 1 if self.lengths is None and "coriolis" in self.kinds else 0
 
     @cached_property
     def names(self) -> list[str]:
@@ -96,7 +92,7 @@ class LogUnknowns:
         names: list[str] = []
         for kind in self.kinds:
             own = [f"length_{i + 1}" for i in range(self._lengths)] if kind == "coriolis" else []
-            names += own or ([] if kind == "coriolis" else lump_names(self.nlink, (kind,)))
+            names += own or ([] if kind == "coriolis" else lump_names(self.njoint, (kind,)))
         return names
 
     @cached_property
@@ -146,8 +142,8 @@ class LogUnknowns:
     def misplaced(self, log_factors: Array, step: float) -> Iterator[tuple[int, LogUnknowns, float]]:
         """The chain there with each length that is said to be exact a `step` longer; see `Unknowns`."""
         lumps = self.lumps(log_factors)
-        for joint in range(0 if self.lengths is None or "coriolis" not in self.kinds else self.nlink - 1):
-            lengths = self.lengths + step * np.eye(self.nlink)[joint]
+        for joint in range(0 if self.lengths is None or "coriolis" not in self.kinds else self.njoint - 1):
+            lengths = self.lengths + step * np.eye(self.njoint)[joint]
             longer = replace(lumps, coriolis=coriolis_of(lengths, lumps.gravity))
             yield joint, LogUnknowns(longer, self.gravity, ()), MISPLACED
 
@@ -196,21 +192,12 @@ class Estimate(Found):
     @cached_property
     def lumps(self) -> Lumps:
         """The chain's; those that were known are the nominal's."""
-        return self.searched.lumps(self.log_factors)
-
-    @property
-    def log_factors(self) -> Array:
-        """z (nunknown)."""
-        return self.unknowns
+        return self.searched.lumps(self.unknowns)
 
     @property
     def parameters(self) -> Array:
         """What the unknowns are the log factors of (nunknown), in SI units."""
         return parameters_of(self.names, self.lumps)
-
-    @property
-    def to_numbers(self) -> Array:
-        return np.eye(len(self.unknowns))
 
     @property
     def to_values(self) -> Array:
@@ -238,7 +225,7 @@ class Estimate(Found):
         """Eq. 27; where counts are compared the `extent`."""
         values = self.values
         if self.extent is not None:
-            low, high = values * np.exp(self.extent - self.searched.design @ self.log_factors)
+            low, high = values * np.exp(self.extent - self.searched.design @ self.unknowns)
             return low, high
         reach = np.exp(DEVIATIONS * deviations / values)
         return values / reach, values * reach

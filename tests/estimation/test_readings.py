@@ -34,7 +34,7 @@ def test_one_noisy_trial_gives_all_lumps_within_their_deviations(faults: FaultSe
     seen = watched(3, faults=faults)
     unknowns = LogUnknowns(seen.nominal.lumps, GRAVITY)
     estimate = fit(Readings([seen.read_trial(raised(seen.nominal.lumps, 1.5))], unknowns))
-    error = estimate.log_factors - unknowns.log_factors(seen.plant.chain.lumps)
+    error = estimate.unknowns - unknowns.log_factors(seen.plant.chain.lumps)
     assert 0.7 < estimate.misfit < 1.3
     assert np.abs(error).max() < 0.05
     assert (np.abs(error) < 4.0 * estimate.deviations).all()
@@ -94,7 +94,7 @@ def test_windows_before_a_fall_are_used() -> None:
     trial = seen.read_trial(raised(seen.nominal.lumps, 1.5))
     trial = replace(trial, steps=np.array([len(trial.readings[0]) - 1, 80, 80, 0]))
     estimate = fit(Readings([trial], unknowns))
-    error = estimate.log_factors - unknowns.log_factors(seen.plant.chain.lumps)
+    error = estimate.unknowns - unknowns.log_factors(seen.plant.chain.lumps)
     assert (np.abs(error) < 4.0 * estimate.deviations).all()
     assert np.isnan(estimate.residuals[0][3]).all()
     assert 0.5 < estimate.misfit < 1.5

@@ -46,7 +46,7 @@ def test_faults_are_found_beside_the_lumps(
     searched = searched_faults(kinds, unknowns, seen.starts)
     trials = [seen.read_trial(raised(seen.nominal.lumps, factor)) for factor in (1.2, 1.5)]
     estimate = fit(Readings(trials, unknowns, faults=searched), restarts=0)
-    error = estimate.log_factors - unknowns.log_factors(seen.plant.chain.lumps)
+    error = estimate.unknowns - unknowns.log_factors(seen.plant.chain.lumps)
     found, true = estimate.faults, true_faults(seen.plant, kinds)
     assert found is not None
     assert estimate.misfit < 1.3
@@ -165,9 +165,9 @@ def test_fit_goes_on_from_the_faults_that_it_found() -> None:
     again = fit(readings, first.start, restarts=0)
     assert first.faults is not None
     assert again.faults is not None
-    assert first.start.tolist() == [*first.log_factors, *first.faults.unknowns]
+    assert first.start.tolist() == [*first.unknowns, *first.faults.unknowns]
     assert again.faults.values[0] == pytest.approx(first.faults.values[0], abs=0.01 * TIMESTEP)
-    assert replace(first, faults=None).start.tolist() == first.log_factors.tolist()
+    assert replace(first, faults=None).start.tolist() == first.unknowns.tolist()
 
 
 def test_faults_compile_no_loop_anew() -> None:

@@ -56,7 +56,7 @@ def test_fault_that_predicts_other_pushes_holds(late: Watched) -> None:
     estimate, taken = taken_up(late, readings, ("delay",))
     assert estimate.faults is not None
     prediction = predicted(replace(readings, faults=estimate.faults.searched), estimate)
-    error = estimate.log_factors - unknowns.log_factors(late.plant.chain.lumps)
+    error = estimate.unknowns - unknowns.log_factors(late.plant.chain.lumps)
     assert taken is not None
     assert (taken.kinds, taken.rivals) == (("delay",), ())
     assert prediction is not None
@@ -156,7 +156,7 @@ def test_limit_of_one_motor_is_found_wherever_it_lies() -> None:
     assert taken is not None
     assert taken.kinds == ("limit",)
     assert estimate.is_explained
-    assert np.abs(estimate.log_factors - unknowns.log_factors(seen.plant.chain.lumps)).max() < 1e-3
+    assert np.abs(estimate.unknowns - unknowns.log_factors(seen.plant.chain.lumps)).max() < 1e-3
 
 
 def test_fault_that_was_taken_up_says_what_the_misfit_is_without_it() -> None:

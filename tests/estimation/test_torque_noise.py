@@ -37,7 +37,7 @@ def test_chain_is_found_from_a_wrong_one_and_so_is_the_noise_of_its_torques() ->
     """To a few percent and within four deviations, from a noise that is said to be a third of what it is."""
     innovations, true = innovations_of(2, 0)
     estimate = fit_with_torque_noise(innovations, None, np.full(2, TORQUE_NOISE / 3.0))
-    error = estimate.log_factors - true
+    error = estimate.unknowns - true
     assert estimate.is_explained
     assert 0.8 < estimate.misfit < 1.2
     assert (np.abs(error) < 4.0 * estimate.deviations).all()

@@ -22,7 +22,7 @@ def left_of(seen: Watched, kinds: tuple[str, ...] = ("gravity", "coriolis", "ine
     """The estimate from a trial of each of LAWS, and its errors (nunknown)."""
     unknowns = LogUnknowns(seen.nominal.lumps_of(kinds), GRAVITY, kinds)
     estimate = fit(readings_of(seen, unknowns), restarts=0)
-    return estimate, estimate.log_factors - unknowns.log_factors(seen.plant.chain.lumps_of(kinds))
+    return estimate, estimate.unknowns - unknowns.log_factors(seen.plant.chain.lumps_of(kinds))
 
 
 def readings_of(seen: Watched, unknowns: LogUnknowns) -> Readings:

@@ -95,20 +95,20 @@ def test_whole_counts_give_all_lumps_of_two_links(two_links: Counting, matched: 
     """Coriolis and inertia lumps too, within 2 %, from masses wrong by up to 30 %; the truth is within the extent."""
     assert matched.misfit == 0.0
     assert matched.counts == 5 * 4 * WINDOWS * 2
-    assert np.abs(np.expm1(matched.searched.design @ (matched.log_factors - two_links.truth))).max() < 0.02
+    assert np.abs(np.expm1(matched.searched.design @ (matched.unknowns - two_links.truth))).max() < 0.02
     assert matched.extent is not None
     true = matched.searched.design @ two_links.truth
     assert (matched.extent[0] <= true).all()
     assert (true <= matched.extent[1]).all()
     assert np.abs(two_links.truth).max() > 0.1
-    counted = two_links.counts.counted(matched.log_factors, WINDOWS)
+    counted = two_links.counts.counted(matched.unknowns, WINDOWS)
     assert counted is not None
     assert counted.differing == 0
 
 
 def test_fewer_counts_leave_more_open(two_links: Counting, matched: Estimate) -> None:
     """The extent of the set of models from two candidates is wider than that from five, of every lump."""
-    fewer = match_counts(replace(two_links.counts, trials=two_links.counts.trials[:2]), matched.log_factors)
+    fewer = match_counts(replace(two_links.counts, trials=two_links.counts.trials[:2]), matched.unknowns)
     assert fewer.misfit == 0.0
     assert fewer.extent is not None
     assert matched.extent is not None

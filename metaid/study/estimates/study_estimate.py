@@ -110,7 +110,7 @@ class StudyEstimate:
             replace(self.held_out, unknowns=numbers),
             estimate.widening,
             estimate.residuals,
-            estimate.joints,
+            estimate.searched.joints,
             np.sqrt(np.diag(estimate.number_covariance)),
             np.linalg.norm(self._changes, axis=0),
             estimate.coarsest,
