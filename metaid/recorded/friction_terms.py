@@ -1,4 +1,4 @@
-"""Which terms of friction are taken up, and in which joints, by the error on parts that were left out.  Eq. 72."""
+"""Which terms of friction and which springs are taken up, in which joints, by the error on parts left out.  Eq. 72."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from metaid.recorded.weak_form.linear_model import LinearModel
 
 PRESLIDING = (1e-4, 3e-4, 1e-3, 3e-3)  # rad or m, of all joints alike
 BENT = (2.0, 7.0, 20.0)  # times the speed below which dry friction is cut short, of all joints alike, and the most
-SPRING, SPRUNG = "spring", 0.95  # of the error that springs leave at most: beyond what a log reaches they grow
 FINER = (0.3, 0.55, 1.0, 1.8, 3.3, 6.0, 10.0)  # times either, of each joint by itself
+SPRING, SPRUNG = "spring", 0.95  # of the error that springs leave at most: beyond what a log reaches they grow
 Further = tuple[str, NDArray[np.bool_], Callable[[NDArray[np.bool_]], LinearModel]]
 
 

@@ -147,7 +147,7 @@ class RecordedResult:
     @property
     def model(self) -> IdentifiedModel:
         """The identified model, to be written: the law has the whole posterior mean, and bodies for simulators the one
-        with viscous and Coulomb friction alone.
+        with viscous and Coulomb friction and springs alone.
         """
         found, records, table = self.estimate, self.records, self.verdict.lumps
         names = table["name"].tolist()
