@@ -152,10 +152,8 @@ def estimate(
                 tuple(each.with_torques(each.torques * gains.values) for each in every) for every in (records, others)
             )
         found = estimate_records(records, model, choices, gains)
-        facts = facts_of(found, measured)
-        verdict = judge_records(records, found, [fact.text for fact in facts])
-        verdict = replace(verdict, reasons=tuple(map(given.whole, verdict.reasons)))
-        facts = tuple(replace(each, text=given.whole(each.text), option=given.whole(each.option)) for each in facts)
+        facts = tuple(fact.beside(given) for fact in facts_of(found, measured))
+        verdict = judge_records(records, found, [fact.text for fact in facts], given)
         heard = [smoothed_beside(found.logs, other, found.model) for other in others]
         validation = tuple((own, other.name, _validated(found, own)) for own, other in zip(heard, others, strict=True))
     return RecordedResult(plant.name, records, found, verdict, facts, validation, (*chosen_joints, *plant.repairs))

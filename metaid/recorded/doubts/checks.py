@@ -22,17 +22,18 @@ from metaid.recorded.doubts.conventions import (
     Check,
     Fact,
     Suspected,
+    gravity_option,
     improvement,
     opposed,
     suspected,
     together,
     told_apart,
-    what_of,
 )
 from metaid.recorded.doubts.falling import falling_torques, named_as_falling
 from metaid.recorded.doubts.odd_logs import odd_log
 from metaid.recorded.doubts.units import units_of
 from metaid.recorded.estimating import RecordedEstimate
+from metaid.recorded.given import Option
 from metaid.recorded.weak_form.equations import Equations, first_equations
 from metaid.recorded.weak_form.normal import FAR_ZERO
 
@@ -42,7 +43,6 @@ SELDOM = 0.5  # as NAMED of gravity, which many other faults look like
 BOTH = 0.7  # of what one leaves: as NAMED of two at once, for there are many pairs
 ALIKE = 1.15  # times what the most telling fact leaves: a fact that leaves less is told beside it
 MOSTLY = 0.5  # of the joints that tell
-HALF = f"={np.pi:.4f}"  # a half turn, which turns what is carried as gravity does that points the other way
 FIRST, TRIED = 12, 16  # facts of which others are tried beside, and pairs that are tried on a possible model
 DRIVEN = 0.1  # of the terms that cancel in a joint without a motor, that it has beside them
 
@@ -70,8 +70,8 @@ def _confirmed(equations: Equations, found: RecordedEstimate, measured: Absolute
     named, doubt = _named(equations, found, measured), found.equations.doubt
     if not named or doubt == 1.0:
         return named
-    doubted = {fact.option for fact in _named(replace(equations, doubt=doubt), found, measured)}
-    return tuple(fact for fact in named if fact.option in doubted)
+    doubted = {fact.options for fact in _named(replace(equations, doubt=doubt), found, measured)}
+    return tuple(fact for fact in named if fact.options in doubted)
 
 
 def _named(equations: Equations, found: RecordedEstimate, measured: Absolute | None) -> tuple[Fact, ...]:
@@ -97,36 +97,36 @@ def _named(equations: Equations, found: RecordedEstimate, measured: Absolute | N
     for each in every:
         # It may be what is wrong that looks like another unit of all torques.
         other = each.check.with_scale() if found.scale != 1.0 or usual.max() > LOST else each.check
-        is_zero = each.option.startswith("--zero")
+        name = each.options[0].name
+        is_zero = name == "zero"
         left = other.left(usual, is_zero)
-        if improvement(left, usual, is_zero) < (SELDOM if each.option.startswith("--gravity") else NAMED):
+        if improvement(left, usual, is_zero) < (SELDOM if name == "gravity" else NAMED):
             worth.append(_fact([each], together(left, usual)))
-            mended[each.option] = other
+            mended[each.options] = other
     worth.sort(key=lambda fact: fact.left)
     least = worth[0].left if worth else 1.0
     both = _both(every, usual, BOTH * least) if least * usual.max() > LOST else None
     if both is not None:
         return (both,)
-    if any(fact.option in (SIGNS, *(each.option for each in turned)) for fact in worth):
+    if any(fact.options in (SIGNS, *(each.options for each in turned)) for fact in worth):
         turned = ()  # which of the two it is, is known
     if worth and units:
         factors = np.array([units[joint][0] if joint in units else 1.0 for joint in range(len(usual))])
         if together(check.with_torques(factors).left(), usual) <= worth[0].left:
             worth = []  # which another unit makes seem so
         else:  # of joints that are still in another unit once what tells most is mended
-            units = units_of(mended[worth[0].option])
+            units = units_of(mended[worth[0].options])
     telling = [fact for fact in worth if fact.left < worth[0].left * ALIKE][:2] if usual.max() >= WRONG else []
-    telling = told_apart(telling, {fact.option: mended[fact.option] for fact in telling})
-    if telling and not telling[0].option.endswith(HALF) and opposed(mended[telling[0].option]) < MOSTLY:
-        turned = ()  # which what is mended made seem so
+    telling = told_apart(telling, {fact.options: mended[fact.options] for fact in telling})
+    if telling and telling[0].options[-1].number != np.pi and opposed(mended[telling[0].options]) < MOSTLY:
+        turned = ()  # which what is mended made seem so: a half turn is as gravity that points the other way
     return (*(fact for _, fact in units.values()), *turned, *telling)
 
 
 def _driven(name: str) -> Fact:
     """That a joint whose torques are all 0 does not move as one without a motor does."""
-    option = f"--untrusted {name}"
-    text = f"every torque of joint {name} is 0, but a motor seems to move it: {option} fits nothing to its torque"
-    return Fact(text, option)
+    text = f"every torque of joint {name} is 0, but a motor seems to move it: "
+    return Fact((text, (Option("untrusted", name),), " fits nothing to its torque"))
 
 
 def _turned(found: RecordedEstimate) -> tuple[Fact, ...]:
@@ -140,20 +140,21 @@ def _turned(found: RecordedEstimate) -> tuple[Fact, ...]:
         return ()
     if is_pendulum:
         name = found.model.joints[0]
-        text, option = f"the zero of joint {name} is off by 180°", f"--zero {name}={np.pi:.4f}"
-        return (Fact(f"{text}: {option}", option),) if len(moved) and (moved > 0.0).all() else ()
+        option = Option("zero", name, np.pi)
+        is_off = len(moved) and (moved > 0.0).all()
+        return (Fact((f"the zero of joint {name} is off by 180°: ", (option,))),) if is_off else ()
     assert prior is not None
-    option = "--gravity " + ",".join(f"{0.0 - each:g}" for each in prior.nominal.gravity)
     text = (
         "the nominal bodies need the opposite of what every joint carries: gravity points the other way in the frame "
-        f"of the base, {option}, or the torques of all joints have the opposite sign, {SIGNS}"
+        "of the base, "
     )
-    return (Fact(text, option),)
+    option = gravity_option(-prior.nominal.gravity)
+    return (Fact((text, (option,), ", or the torques of all joints have the opposite sign, ", SIGNS)),)
 
 
 def _fact(mended: Sequence[Suspected], left: float) -> Fact:
-    option = " ".join(each.option for each in mended)
-    return Fact(f"{', and '.join(each.text for each in mended)}: {option}", option, left)
+    options = tuple(option for each in mended for option in each.options)
+    return Fact((f"{', and '.join(each.text for each in mended)}: ", options), left)
 
 
 def _both(every: Sequence[Suspected], usual: Array, below: float) -> Fact | None:
@@ -167,10 +168,10 @@ def _both(every: Sequence[Suspected], usual: Array, below: float) -> Fact | None
     """
     first = sorted(every, key=lambda each: together(each.check.free, usual))[:FIRST]
     pairs = {
-        frozenset((one.option, other.option)): (one, other)
+        frozenset((one.options, other.options)): (one, other)
         for one in first
         for other in suspected(one.check)
-        if what_of(one.option) != what_of(other.option)
+        if one.options[0].of != other.options[0].of
     }
     solved = [pair for pair in pairs.values() if pair[1].check.is_solved]
     best = sorted(solved, key=lambda pair: together(pair[1].check.free, usual))[:TRIED]

@@ -9,6 +9,7 @@ import numpy as np
 
 from metaid.recorded.doubts.conventions import Fact
 from metaid.recorded.estimating import RecordedEstimate
+from metaid.recorded.given import Option
 
 MOMENT = 0.5  # s
 WITHIN = 0.7  # of the squares of what is left of a joint, that are within a MOMENT
@@ -43,9 +44,9 @@ def brief_contact(found: RecordedEstimate) -> Fact | None:
     if share < WITHIN:
         return None
     begin, end = math.floor(10.0 * max(time - AROUND, 0.0)) / 10.0, math.ceil(10.0 * (time + AROUND)) / 10.0
-    option = f"--leave-out {shlex.quote(f'{name}={begin:.6g},{end:.6g}')}"
+    option = Option("leave-out", shlex.quote(f"{name}={begin:.6g},{end:.6g}"))
     text = (
         f"{share:.0%} of what is left of joint {model.joints[joint]} is about {time:.4g} s after {name} begins, "
-        f"as of an end stop, a blow or a contact: {option}"
+        f"as of an end stop, a blow or a contact: "
     )
-    return Fact(text, option)
+    return Fact((text, (option,)))

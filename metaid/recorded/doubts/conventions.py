@@ -16,6 +16,7 @@ import numpy as np
 from metaid.models import Array
 from metaid.recorded.absolute import MOTOR, Absolute, absolute_joints, absolute_of
 from metaid.recorded.doubts.scales import scales_of, torque_scale
+from metaid.recorded.given import ALL, Advice, Given, Option, told
 from metaid.recorded.weak_form.equations import Equations
 from metaid.recorded.weak_form.linear_model import LinearModel
 from metaid.recorded.weak_form.nominal import arm_model
@@ -25,7 +26,7 @@ from metaid.recorded.weak_form.windows import Windows
 NAMED = 0.75  # of the torque that the model leaves unexplained: a fact that leaves less is named
 WRONG = 0.08  # of the torque, that must be unexplained for a fact to be looked for
 LOST = 0.3  # of the torque: where less is unexplained, the unit is known, and no two things are wrong at once
-SIGNS = "--scale all=-1"  # all torques turned
+SIGNS = (Option("scale", ALL, -1.0),)  # all torques turned
 QUARTERS = (0.5 * np.pi, -0.5 * np.pi, np.pi)
 
 
@@ -38,7 +39,7 @@ class Check:
     equations: Equations
     fastest: Array
     measured: Absolute
-    leaning: dict[str, LinearModel] = field(default_factory=dict, repr=False, compare=False)
+    leaning: dict[Option, LinearModel] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def is_solved(self) -> bool:
@@ -126,47 +127,59 @@ class Check:
 
 @dataclass(frozen=True)
 class Fact:
-    """Something that looks wrong: the `option` that mends it, a sentence without a full stop, and what is left of the
-    unexplained torque with it, where that is known.
+    """Something that looks wrong: a sentence without a full stop, with the options that mend it, or else with others,
+    and what is left of the unexplained torque with the first, where that is known.
     """
 
-    text: str
-    option: str
+    advice: Advice
     left: float = 0.0
+
+    @property
+    def options(self) -> tuple[Option, ...]:
+        """Those that mend it; none where none does."""
+        return next((each for each in self.advice if not isinstance(each, str)), ())
+
+    @property
+    def option(self) -> str:
+        """The same as text."""
+        return told((self.options,))
+
+    @property
+    def text(self) -> str:
+        """The sentence."""
+        return told(self.advice)
+
+    def beside(self, given: Given) -> Fact:
+        """The same with options that hold beside what was `given`."""
+        return replace(self, advice=given.beside(self.advice))
 
 
 class Suspected(NamedTuple):
-    """Something that may be wrong, in words, the `option` that mends it, and the `check` of logs that are mended."""
+    """Something that may be wrong, in words, the `options` that mend it, and the `check` of logs that are mended."""
 
     text: str
-    option: str
+    options: tuple[Option, ...]
     check: Check
 
 
-def what_of(option: str) -> str:
-    """What an option that mends something is of: two that are of the same are one."""
-    kind, _, rest = option.partition(" ")
-    return kind if kind in ("--gravity", "--absolute", "--order") else f"{kind} {rest.partition('=')[0]}"
-
-
-def told_apart(facts: Sequence[Fact], mended: Mapping[str, Check]) -> list[Fact]:
+def told_apart(facts: Sequence[Fact], mended: Mapping[tuple[Option, ...], Check]) -> list[Fact]:
     """Facts without those of the same thing that another explains as well: where nominal bodies need the opposite of
     what more joints carry, bodies are found that are upside down. What that does not tell is said as one or the other.
 
     Args:
         facts: that explain alike, the most telling first.
-        mended: the check by each of their options.
+        mended: the check by the options of each.
     """
     kept: list[Fact] = []
-    least: dict[str, float] = {}
-    shares = {option: opposed(check) for option, check in mended.items()}
-    for option, share in shares.items():
-        least[what_of(option)] = min(share, least.get(what_of(option), share))
+    least: dict[tuple[str, str], float] = {}
+    shares = {options: opposed(check) for options, check in mended.items()}
+    for (option, *_), share in shares.items():
+        least[option.of] = min(share, least.get(option.of, share))
     for fact in facts:
-        what = what_of(fact.option)
-        if shares[fact.option] == least[what]:
-            is_other = any(what_of(each.option) == what for each in kept)
-            kept.append(replace(fact, text=f"or {fact.text}") if is_other else fact)
+        what = fact.options[0].of
+        if shares[fact.options] == least[what]:
+            is_other = any(each.options[0].of == what for each in kept)
+            kept.append(replace(fact, advice=("or ", *fact.advice)) if is_other else fact)
     return kept
 
 
@@ -200,33 +213,34 @@ def suspected(check: Check) -> Iterator[Suspected]:
     driven = np.flatnonzero(~(model.untrusted | model.passive)).tolist()
     for joint in driven:
         text = f"the torque of joint {names[joint]} has the opposite sign"
-        yield Suspected(text, f"--scale {names[joint]}=-1", check.with_torques(1.0 - 2.0 * one[joint]))
+        yield Suspected(text, (Option("scale", names[joint], -1.0),), check.with_torques(1.0 - 2.0 * one[joint]))
     if len(driven) > 1:
         text = "the torques of all joints have the opposite sign"
         yield Suspected(text, SIGNS, check.with_torques(-np.ones(n)))
     moving = np.flatnonzero(~check.equations.held)
     for joint in moving[int(model.is_pendulum) :].tolist() if n > 1 else ():  # a pendulum's mirror image moves alike
         text = f"joint {names[joint]} counts the other way"
-        yield Suspected(text, f"--reversed {names[joint]}", check.with_logged(one - 2.0 * np.diag(one[joint])))
+        yield Suspected(text, (Option("reversed", names[joint]),), check.with_logged(one - 2.0 * np.diag(one[joint])))
     orders = {tuple(names[::-1]): "from the last on"} | ({tuple(sorted(names)): "by the alphabet"} if named else {})
     for order, how in orders.items():
         if order != tuple(names):
             logged = one[[names.index(name) for name in order]]
-            yield Suspected(f"the log has the joints {how}", f"--order {','.join(order)}", check.with_logged(logged))
+            option = Option("order", ",".join(order))
+            yield Suspected(f"the log has the joints {how}", (option,), check.with_logged(logged))
     for joint in range(moving.max(initial=-1) + 1):  # beyond the last that moves all is one body
         for shift in QUARTERS if not model.slides[joint] else ():
             text = f"the zero of joint {names[joint]} is off by {np.degrees(shift):.0f}°"
-            yield Suspected(text, f"--zero {names[joint]}={shift:.4f}", check.with_angles(shift * one[joint]))
+            yield Suspected(text, (Option("zero", names[joint], shift),), check.with_angles(shift * one[joint]))
     for shift in QUARTERS if n > 1 and model.is_pendulum else ():
         text = f"the zeros of all joints are off by {np.degrees(shift):.0f}°"
-        yield Suspected(text, f"--zero all={shift:.4f}", check.with_angles(shift * np.ones(n)))
+        yield Suspected(text, (Option("zero", ALL, shift),), check.with_angles(shift * np.ones(n)))
     yield from _read_against_the_base(check)
     for joint in range(1, n):
         pair = (joint - 1, joint)
         if pair not in model.sliding.coupled and not model.slides[list(pair)].any():
             text = f"a motor turns with joints {names[joint - 1]} and {names[joint]} together"
             coupled = model.with_coupled((*model.sliding.coupled, pair))
-            yield Suspected(text, f"--couple {joint},{joint + 1}", check.with_model(coupled))
+            yield Suspected(text, (Option("couple", f"{joint},{joint + 1}"),), check.with_model(coupled))
     if model.prior is not None:
         tree = model.prior.nominal
         size = float(np.linalg.norm(tree.gravity)) or 9.81
@@ -234,13 +248,18 @@ def suspected(check: Check) -> Iterator[Suspected]:
             direction = size * axis
             if np.allclose(direction, tree.gravity):
                 continue
-            option = "--gravity " + ",".join(f"{each + 0.0:g}" for each in direction)
+            option = gravity_option(direction)
             if option not in check.leaning:
                 check.leaning[option] = arm_model(replace(tree, gravity=direction), model.friction)
             other = check.leaning[option].with_coupled(model.sliding.coupled).with_still(model.sliding.still)
             other = replace(other, untrusted=model.untrusted)
             text = "gravity points elsewhere in the frame of the base"
-            yield Suspected(text, option, check.with_model(other))
+            yield Suspected(text, (option,), check.with_model(other))
+
+
+def gravity_option(gravity: Array) -> Option:
+    """That gravity is another in the frame of the base (3), in m/s²."""
+    return Option("gravity", ",".join(f"{each + 0.0:g}" for each in gravity))
 
 
 def _read_against_the_base(check: Check) -> Iterator[Suspected]:
@@ -251,5 +270,5 @@ def _read_against_the_base(check: Check) -> Iterator[Suspected]:
         for how, where in (("", ""), (MOTOR, ", where its motor stands")):
             own = [f"{name}{how}" for name in several]
             text = f"the angle of joint {' and '.join(several)} is read against the base{where}"
-            option = " ".join(f"--absolute {each}" for each in own)
-            yield Suspected(text, option, check.with_measured(absolute_of(model, own)))
+            options = tuple(Option("absolute", each) for each in own)
+            yield Suspected(text, options, check.with_measured(absolute_of(model, own)))

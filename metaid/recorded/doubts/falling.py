@@ -9,6 +9,7 @@ from metaid.errors import joints_of
 from metaid.models import Array
 from metaid.recorded.doubts.conventions import LOST, NAMED, WRONG, Check, Fact
 from metaid.recorded.doubts.scales import KNOWN
+from metaid.recorded.given import Option
 
 
 def falling_torques(check: Check, usual: Array) -> NDArray[np.bool_]:
@@ -37,9 +38,8 @@ def named_as_falling(check: Check, falling: NDArray[np.bool_]) -> Fact:
     names = np.array(model.joints)[falling].tolist()
     slopes = [f"{-values[model.columns['viscous', joint]]:.2g}" for joint in np.flatnonzero(falling).tolist()]
     unit = "N m s, of slides N s/m" if model.slides[falling].any() else "N m s"
-    option = f"--untrusted {','.join(names)}"
     text = (
         f"what drives {joints_of(names)} falls with speed, by {', '.join(slopes)} {unit}, as with no friction: a drive "
-        f"that cancels friction may send more than it logs; {option} fits nothing to it"
+        "that cancels friction may send more than it logs; "
     )
-    return Fact(text, option)
+    return Fact((text, (Option("untrusted", ",".join(names)),), " fits nothing to it"))

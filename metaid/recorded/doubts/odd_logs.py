@@ -39,4 +39,4 @@ def odd_log(found: RecordedEstimate) -> Fact | None:
         f"{name} contradicts the other logs, which predict one another to {without:.1%} without it, to {beside:.1%} "
         "with it: leave it out, or see what is wrong"
     )
-    return Fact(text, "")
+    return Fact((text,))

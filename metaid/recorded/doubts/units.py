@@ -7,6 +7,7 @@ import numpy as np
 from metaid.models import Array
 from metaid.recorded.doubts.conventions import NAMED, Check, Fact
 from metaid.recorded.doubts.scales import UNIT, scales_of
+from metaid.recorded.given import Option
 from metaid.recorded.weak_form.equations import Equations
 
 SAME = 0.005  # of the torque: less that is unexplained tells nothing
@@ -31,12 +32,11 @@ def units_of(check: Check) -> dict[int, tuple[float, Fact]]:
             text = (
                 f"joint {names[joint]} needs {ratio:.3g} times the torque that the nominal bodies do, as other joints"
             )
-            units[joint] = 1.0, Fact(f"{text} confirm: these bodies are wrong, not its unit", "")
+            units[joint] = 1.0, Fact((f"{text} confirm: these bodies are wrong, not its unit",))
             continue
         unit = {0.001: "mN m", 1000.0: "kN m"}.get(factor, "a motor current or another unit")
-        option = f"--scale {names[joint]}={factor:.3g}"
-        text = f"the torque of joint {names[joint]} is {ratio:.3g} times what the others' scale would make it: {unit}?"
-        units[joint] = factor, Fact(f"{text} {option}", option)
+        text = f"the torque of joint {names[joint]} is {ratio:.3g} times what the others' scale would make it: {unit}? "
+        units[joint] = factor, Fact((text, (Option("scale", names[joint], factor),)))
     return units
 
 

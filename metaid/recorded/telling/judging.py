@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -14,6 +14,7 @@ from metaid.errors import first_of, joints_of
 from metaid.models import COARSEST, DEVIATIONS, Array
 from metaid.recorded.doubts.scales import UNIT
 from metaid.recorded.estimating import RecordedEstimate
+from metaid.recorded.given import ALL, Given, Option, told
 from metaid.recorded.reading.readings import Record
 from metaid.recorded.weak_form.linear_model import LEAST_SLIDE, LEAST_TURN
 from metaid.recorded.weak_form.normal import FAR_ZERO
@@ -51,11 +52,19 @@ class RecordedVerdict:
         return self.word != "not found"
 
 
-def judge_records(records: Sequence[Record], found: RecordedEstimate, facts: Sequence[str] = ()) -> RecordedVerdict:
-    """The verdict on what logs say, in which `facts` are what looks wrong, as sentences.
+def judge_records(
+    records: Sequence[Record], found: RecordedEstimate, facts: Sequence[str] = (), given: Given | None = None
+) -> RecordedVerdict:
+    """The verdict on what logs say.
 
     `found` explains what was seen; `approximate` does not, and predicts what was left out better than the nominal
     bodies with fitted friction do.
+
+    Args:
+        records: the logs.
+        found: what they say.
+        facts: what looks wrong, as sentences.
+        given: what the user has said of the logs; by default nothing.
     """
     determined = _determined(found)
     lumps = _table(found, determined)
@@ -63,8 +72,8 @@ def judge_records(records: Sequence[Record], found: RecordedEstimate, facts: Seq
     against = tuple(_against(records, found, is_known))
     if against:
         return RecordedVerdict("not found", (*facts, *against, *_far_zeros(found)), lumps)
-    told = (*_missed(found), *_held(found), *_without_motor(found), *_carried(found))
-    told += (*_far_zeros(found), *_unexplained(found))
+    told = (*_missed(found), *_held(found), *_without_motor(found), *_carried(found, given))
+    told += (*_far_zeros(found), *_unexplained(found, given))
     if not is_known:
         told = (f"no parameter of the bodies is known to {COARSEST:.0%} by itself, only what they need together", *told)
     reasons = (predicted(found), *facts, *told, SCALE)
@@ -177,14 +186,14 @@ def _without_motor(found: RecordedEstimate) -> Iterator[str]:
         )
 
 
-def _carried(found: RecordedEstimate) -> Iterator[str]:
+def _carried(found: RecordedEstimate, given: Given | None) -> Iterator[str]:
     """Which joints carry far more or less than the nominal bodies weigh, and no other unit, in a sentence."""
     times = np.maximum(found.carried, 1.0 / found.carried)
     far = np.flatnonzero((times > OTHERWISE) & (times < UNIT))
     if len(far) and found.gains is None:
         carried = [(found.model.joints[joint], float(found.carried[joint])) for joint in far]
         factors = ", ".join(f"{name} {factor:.2g}" for name, factor in carried)
-        options = " ".join(f"--scale {name}={1.0 / factor:.2g}" for name, factor in carried)
+        options = _scaled({name: 1.0 / factor for name, factor in carried}, given)
         yield (
             f"what joints carry is not what the nominal bodies weigh, but so many times that: {factors}; the bodies "
             f"are wrong, or the torques are, as with another motor constant: {options}"
@@ -208,14 +217,21 @@ def _fold(found: RecordedEstimate, number: int) -> str:
     return names if fold.third is None else f"part {fold.third + 1} of {names}"
 
 
-def _unexplained(found: RecordedEstimate) -> Iterator[str]:
+def _scaled(factors: Mapping[str, float], given: Given | None) -> str:
+    """The options that multiply torques of joints with these `factors` and what the user has `given`, in words."""
+    options = tuple(Option("scale", name, float(f"{factor:.2g}")) for name, factor in factors.items())
+    return told((options,) if given is None else given.beside((options,)))
+
+
+def _unexplained(found: RecordedEstimate, given: Given | None) -> Iterator[str]:
     """What is not explained, at most three sentences."""
     if found.scale != 1.0:
         is_milli = 300.0 < found.scale < 3000.0
+        option = _scaled({ALL: 0.001 if is_milli else 1.0 / found.scale}, given)
         guess = ", or these are a guess" if found.equations.doubt > 1.0 else ""
         yield (
             f"all torques are {found.scale:.3g} times what the nominal bodies need{guess}: "
-            + ("mN m? --scale all=0.001" if is_milli else f"motor currents? --scale all={1.0 / found.scale:.2g} or so")
+            + (f"mN m? {option}" if is_milli else f"motor currents? {option} or so")
             + "; until then every number is in the unit of the log"
         )
     if found.misfit >= EXPLAINED and found.held_out.relative >= EXACT:
