@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -85,14 +86,21 @@ class ArmPlant(SimulatedPlant):
         tree, faults = self.tree, self.settings.faults
         if (wrong := faults.misfits(tree.njoint, 2)) is not None:
             raise PlantError(f"plant {self.name}: {wrong}")
-        model = arm_model(replace(tree, gravity=tilted_gravity(tree.gravity, faults.tilts(2))), self.timestep)
-        model.jnt_stiffness[:] = self.stiffness
-        return model
+        tilted = replace(tree, gravity=tilted_gravity(tree.gravity, faults.tilts(2)))
+        return arm_model(tilted, self.timestep, self.stiffness, self.slack)
 
     @property
     def stiffness(self) -> Array:
-        """Of springs in the joints (njoint), at rest at 0, in N m/rad or N/m."""
-        return np.array([self.settings.stiffness.get(name, 0.0) for name in self.tree.names])
+        """Of springs in the joints (njoint), in N m/rad or N/m."""
+        return self.arm.stiffness if self.known is None else self._of_joints(self.settings.stiffness)
+
+    @property
+    def slack(self) -> Array:
+        """The joint coordinates at which these are (njoint), in rad or m."""
+        return self.arm.slack if self.known is None else self._of_joints(self.settings.slack)
+
+    def _of_joints(self, given: Mapping[str, float]) -> Array:
+        return np.array([given.get(name, 0.0) for name in self.tree.names])
 
     @property
     def njoint(self) -> int:
@@ -121,4 +129,4 @@ class ArmPlant(SimulatedPlant):
     @property
     def hidden_forces(self) -> dict[str, Array]:
         """Of the kinds of faults that are forces of its joints what they are (njoint). Only reports use them."""
-        return {"spring": self.stiffness}
+        return {"spring": self.stiffness, "bias": self.stiffness * self.slack}

@@ -21,8 +21,9 @@ class ArmSettings(Settings):
     of its reference pose, or the nearest in the joint's range). `gravity`: three numbers in m/s², in the frame of the
     base, instead of the file's; `timestep` in s. By the name of the joint, instead of what the file says: inertia of
     the rotor as the joint feels it, `rotor`, in kg m² (of a slide in kg), viscous friction `damping` in N m s (N s/m),
-    dry friction `frictionloss` and `torque_limit` in N m (N), and the `stiffness` of a spring, at rest at 0, in N m/rad
-    (N/m). `truth_known = false` keeps the truth from reports. The faults of a real arm are in `[faults]`.
+    dry friction `frictionloss` and `torque_limit` in N m (N), and of a spring the `stiffness` in N m/rad (N/m) and the
+    joint coordinate at which it is `slack`. `truth_known = false` keeps the truth from reports. The faults of a real
+    arm are in `[faults]`.
     """
 
     description: str = ""
@@ -37,7 +38,8 @@ class ArmSettings(Settings):
     damping: dict[str, AtLeastZero] = Field(default_factory=dict)
     frictionloss: dict[str, AtLeastZero] = Field(default_factory=dict)
     torque_limit: dict[str, Annotated[float, Field(gt=0, le=1e9)]] = Field(default_factory=dict)
-    stiffness: dict[str, AtLeastZero] = Field(default_factory=dict)
+    stiffness: dict[str, Value] = Field(default_factory=dict)
+    slack: dict[str, Value] = Field(default_factory=dict)
     faults: FaultSettings = FaultSettings()
 
     @model_validator(mode="after")

@@ -81,12 +81,20 @@ def build_spec(chain: Chain, gravity: float, timestep: float, tilt: float = 0.0)
     return spec
 
 
-def arm_model(tree: Tree, timestep: float) -> mujoco.MjModel:
-    """The compiled lean model of an arm, whose links must be possible bodies; its `timestep` is in s.  Raises
-    ValueError where MuJoCo cannot compile it.
+def arm_model(
+    tree: Tree, timestep: float, stiffness: Array | float = 0.0, slack: Array | float = 0.0
+) -> mujoco.MjModel:
+    """The compiled lean model of an arm.  Raises ValueError where MuJoCo cannot compile it.
+
+    Args:
+        tree: whose links must be possible bodies.
+        timestep: in s.
+        stiffness: of springs in its joints (njoint), in N m/rad or N/m.
+        slack: the joint coordinates at which these are (njoint), in rad or m.
     """
     model = build_arm_spec(tree, timestep).compile()
     set_parameters(model, tree)
+    model.jnt_stiffness[:], model.qpos_spring[:] = stiffness, slack
     return model
 
 

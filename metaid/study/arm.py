@@ -91,6 +91,7 @@ class StudiedArm:
             truth_known=plant.truth_known,
             faults=plant.faults,
             stiffness=plant.stiffness,
+            slack=plant.slack,
         )
         return ArmPlant(self.spec.plant_name, settings, plant.arm.tree)
 

@@ -143,13 +143,14 @@ def _simulated(plant: ArmPlant, nominal: Tree, path: Path) -> ArmPlantSettings:
             f"{path}: plant {plant.name} has the joints {', '.join(plant.tree.names)}, the nominal arm "
             f"{', '.join(nominal.names)}: they must agree"
         )
-    settings = plant.settings
+    settings, sprung = plant.settings, [(i, name) for i, name in enumerate(nominal.names) if plant.stiffness[i]]
     return ArmPlantSettings(
         arm=TreeSettings.of(plant.tree),
         timestep=plant.timestep,
         truth_known=settings.truth_known,
         faults=settings.faults,
-        stiffness=settings.stiffness,
+        stiffness={name: float(plant.stiffness[i]) for i, name in sprung},
+        slack={name: float(plant.slack[i]) for i, name in sprung},
     )
 
 

@@ -71,8 +71,8 @@ class TreeSettings(Settings):
 
 
 class ArmPlantSettings(Settings):
-    """A simulated arm with nothing left to look up: its `arm`, its `timestep` in s, its `faults`, and the stiffness of
-    springs in its joints, by their names, in N m/rad or N/m.
+    """A simulated arm with nothing left to look up: its `arm`, its `timestep` in s, its `faults`, and of the springs in
+    its joints, by their names, the `stiffness` in N m/rad or N/m and where they are `slack`, in rad or m.
     """
 
     arm: TreeSettings
@@ -80,6 +80,7 @@ class ArmPlantSettings(Settings):
     truth_known: bool
     faults: FaultSettings
     stiffness: dict[str, float] = Field(default_factory=dict)
+    slack: dict[str, float] = Field(default_factory=dict)
 
     @property
     def gravity(self) -> tuple[float, ...]:

@@ -29,7 +29,11 @@ REFUSED = {
         {"beside": "<body name='hand'><joint name='hand'/><geom size='0.1'/></body>"},
         "joints 'elbow' and 'hand' are on different branches (allowed: joints in series, as shoulder,elbow; or joints",
     ),
-    "spring": ({"joint": "stiffness='3'"}, "joint 'shoulder' has a spring, stiffness 3 (allowed: no stiffness)"),
+    "spring": (
+        {"joint": "stiffness='3 1'"},
+        "joint 'shoulder' has a spring whose torque is no multiple of its angle (allowed: one number as stiffness)",
+    ),
+    "stiff": ({"joint": "stiffness='1e9'"}, "joint 'shoulder' has stiffness 1e+09 (allowed: numbers up to 1e+06)"),
     "friction": (
         {"joint": "damping='0.1 0.2'"},
         "joint 'shoulder' has viscous friction that is no multiple of its speed",
@@ -96,11 +100,12 @@ def test_file_that_is_no_serial_arm_is_refused(tmp_path: Path, name: str) -> Non
 
 def test_force_that_nobody_thought_of_is_refused(tmp_path: Path) -> None:
     """Where the lean model does not move as the file does, the joint and the force are named."""
-    (tmp_path / "arm.xml").write_text(two(joint="stiffness='3'"), encoding="utf-8")
+    (tmp_path / "arm.xml").write_text(two(joint="damping='3'"), encoding="utf-8")
     model = compile_file(tmp_path / "arm.xml", is_urdf=False).model
     whole = Whole(model, moving_joints("arm.xml", model, None), model.qpos0)
     tree = fuse(whole)
-    for other, what in ((tree, "passive force"), (replace(tree, rotor=tree.rotor + 1.0), "inertia")):
+    still = replace(tree, damping=0.0 * tree.damping)
+    for other, what in ((still, "passive force"), (replace(tree, rotor=tree.rotor + 1.0), "inertia")):
         with pytest.raises(PlantError, match=rf"joint 'shoulder' feels more {what} than that of its links \(allowed"):
             refuse_another_motion("arm.xml", whole, other, 0.002)
 

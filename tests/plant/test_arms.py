@@ -165,6 +165,30 @@ def test_plant_coasts_under_its_own_bias_force(tmp_path: Path) -> None:
     assert ArmPlant("arm", plant.settings.model_copy(update={"truth_known": False})).true_parameters() is None
 
 
+def test_plant_moves_as_the_springs_of_its_file_and_of_its_plant_file_let_it(tmp_path: Path) -> None:
+    """Those that push away, too; what the plant file says goes before the other, and what is switched off is none."""
+    springs = "stiffness='3' springref='0.5'"
+    arm = read(tmp_path, two(joint=springs))
+    assert (arm.stiffness.tolist(), arm.slack.tolist()) == ([3.0, 0.0], [0.5, 0.0])
+    path, start = tmp_path / "arm.xml", ArmStart(np.array([0.3, -0.4]), np.array([0.5, -1.0]))
+    path.write_text(two(joint="stiffness='-2' springref='0.1'"), encoding="utf-8")
+    model = mujoco.MjModel.from_xml_path(str(path))
+    for given, of_elbow in (({}, (0.0, 0.0)), ({"stiffness": {"elbow": 4.0}, "slack": {"elbow": -0.2}}, (4.0, -0.2))):
+        plant = ArmPlant("arm", ArmSettings.model_validate({"mjcf": str(path), **given}))
+        plant.push(start)
+        plant.apply_torque(np.zeros(2))
+        plant.step()
+        model.jnt_stiffness[1], model.qpos_spring[1] = of_elbow
+        data = mujoco.MjData(model)
+        data.qpos[:], data.qvel[:] = start.pose, start.speeds
+        mujoco.mj_step(model, data)
+        assert plant.states()[1] == pytest.approx(data.qvel, rel=1e-9)
+        assert plant.hidden_forces["spring"].tolist() == [-2.0, of_elbow[0]]
+        assert plant.hidden_forces["bias"] == pytest.approx([-0.2, of_elbow[0] * of_elbow[1]])
+    off = read(tmp_path, two(joint=springs, after="<option><flag spring='disable'/></option>"))
+    assert not off.stiffness.any()
+
+
 def test_what_is_held_may_be_anything(tmp_path: Path) -> None:
     """A floating base, a branch, a spring and an activation state of joints that are not named concern nothing."""
     beside = "<body><joint name='hand' stiffness='3'/><geom size='0.1'/></body>"

@@ -64,6 +64,8 @@ def test_spring_that_nobody_said_is_found_and_is_in_the_files(nominal: Path, tmp
     assert loaded.jnt_stiffness[[0, 2]].tolist() == [0.0, 0.0]
     assert loaded.jnt_stiffness[1] == pytest.approx(STIFFNESS, rel=0.02)
     assert loaded.qpos_spring[1] == pytest.approx(SLACK, abs=0.02)
+    again = metaid.estimate(log_of_motion(SPRING), tmp_path / "found.xml").estimate
+    assert again.model.having("spring") == [1]
     assert "this file has no springs; joint shoulder has one of 1" in (tmp_path / "found.urdf").read_text()
 
 

@@ -64,6 +64,13 @@ class Whole:
             links.append(last.get(body, links[parent] if body else -1))
         return links
 
+    @property
+    def springs(self) -> tuple[Array, Array]:
+        """The stiffness of the moving joints' springs, in N m/rad or N/m, and where they are slack (njoint each)."""
+        off = self.model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_SPRING
+        stiffness = np.zeros(len(self.joints)) if off else self.model.jnt_stiffness[list(self.joints)]
+        return stiffness, np.where(stiffness, self.model.qpos_spring[self.addresses], 0.0)
+
     def joints_at(self, coordinates: Array) -> tuple[Array, Array]:
         """Where the moving joints are at these `coordinates` (njoint), and their axes (njoint x 3 each), in the base's
         frame.

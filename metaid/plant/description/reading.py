@@ -28,12 +28,15 @@ TOLERANCE = 1e-8  # relative: the lean model must move as the whole file does
 @dataclass(frozen=True, eq=False)
 class Arm:
     """An arm as its plant file says it is: its `tree`, the `whole` file it was made from, the coordinates `home` of its
-    joints (njoint), in rad or m, and what was repaired in its moving links.
+    joints (njoint), in rad or m, the `stiffness` of their springs, in N m/rad or N/m, and where these are `slack`
+    (njoint each), and what was repaired in its moving links.
     """
 
     tree: Tree
     whole: Whole
     home: Array
+    stiffness: Array
+    slack: Array
     repairs: tuple[str, ...] = ()
 
 
@@ -58,7 +61,7 @@ def read_arm(settings: ArmSettings, source: str) -> Arm:
             f"{named}: nothing that joint '{tree.names[-1]}' moves weighs anything (allowed: a link with an <inertial>)"
         )
     refuse_another_motion(named, whole, tree, settings.timestep)
-    for key in ("rotor", "damping", "frictionloss", "torque_limit", "stiffness"):
+    for key in ("rotor", "damping", "frictionloss", "torque_limit", "stiffness", "slack"):
         _known(source, key, getattr(settings, key), tree.names)
     tree = replace(
         tree,
@@ -68,7 +71,9 @@ def read_arm(settings: ArmSettings, source: str) -> Arm:
         coulomb=_instead(tree.coulomb, settings.frictionloss, tree.names),
         torque_limit=_instead(tree.torque_limit, settings.torque_limit, tree.names),
     )
-    return Arm(tree, whole, whole.pose[whole.addresses], repairs)
+    given = zip(whole.springs, (settings.stiffness, settings.slack), strict=True)
+    stiffness, slack = (_instead(values, named, tree.names) for values, named in given)
+    return Arm(tree, whole, whole.pose[whole.addresses], stiffness, slack, repairs)
 
 
 def _known(source: str, key: str, given: Mapping[str, float], names: tuple[str, ...]) -> None:
@@ -117,7 +122,7 @@ def refuse_another_motion(source: str, whole: Whole, tree: Tree, timestep: float
     """
     with gathered_warnings() as warned:
         try:
-            lean = arm_model(tree, timestep)
+            lean = arm_model(tree, timestep, *whole.springs)
         except (ValueError, mujoco.FatalError) as problem:
             raise PlantError(f"{source}: MuJoCo cannot build its joints and links alone: {problem}") from None
         _compare(source, whole, tree, lean)
@@ -137,7 +142,7 @@ def _compare(source: str, whole: Whole, tree: Tree, lean: mujoco.MjModel) -> Non
             if not difference.max() <= TOLERANCE * max(np.abs(theirs).max(), inertia):
                 raise PlantError(
                     f"{source}: joint '{tree.names[int(difference.argmax())]}' feels more {what} than that of its "
-                    f"links (allowed: weight, inertia, rotors and friction alone)"
+                    f"links (allowed: weight, inertia, rotors, springs and friction alone)"
                 )
 
 

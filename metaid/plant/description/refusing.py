@@ -93,7 +93,7 @@ def _to_base(model: mujoco.MjModel, body: int) -> Iterator[int]:
 
 
 def refuse_what_is_no_arm(source: str, whole: Whole) -> None:
-    """Raises PlantError where something else than weight, inertia, rotors and friction moves the joints."""
+    """Raises PlantError where something else than weight, inertia, rotors, springs and friction moves the joints."""
     for met, allowed in (
         *_too_large(whole.model),
         *_of_joints(whole),
@@ -116,7 +116,7 @@ def _too_large(model: mujoco.MjModel) -> Iterator[tuple[str, str]]:
     }
     numbers = {
         "body": ("pos", "ipos", "mass", "inertia"),
-        "jnt": ("pos", "range"),
+        "jnt": ("pos", "range", "stiffness"),
         "dof": ("armature", "damping", "frictionloss"),
         "geom": ("pos", "size"),
         "actuator": ("armature", "damping"),
@@ -128,7 +128,12 @@ def _too_large(model: mujoco.MjModel) -> Iterator[tuple[str, str]]:
                     continue
                 met = f"{names[kind](index)} has {'pos' if key == 'ipos' else key} {np.abs(value).max():g}"
                 yield met, f"numbers up to {LARGEST:g}"
-    for what, values in (("gravity", model.opt.gravity), ("ref", model.qpos0), ("gear", model.actuator_gear)):
+    for what, values in (
+        ("gravity", model.opt.gravity),
+        ("ref", model.qpos0),
+        ("springref", model.qpos_spring),
+        ("gear", model.actuator_gear),
+    ):
         if not (np.abs(values) <= LARGEST).all():
             yield f"{what} {np.abs(values).max():g} is met", f"numbers up to {LARGEST:g}"
 
@@ -137,9 +142,8 @@ def _of_joints(whole: Whole) -> Iterator[tuple[str, str]]:
     model = whole.model
     for joint, degree in zip(whole.joints, whole.degrees, strict=True):
         name = joint_name(model, joint)
-        springs = model.jnt_stiffness[joint] or model.jnt_stiffnesspoly[joint].any()
-        if springs and not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_SPRING:
-            yield f"joint '{name}' has a spring, stiffness {model.jnt_stiffness[joint]:g}", "no stiffness"
+        if model.jnt_stiffnesspoly[joint].any() and not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_SPRING:
+            yield f"joint '{name}' has a spring whose torque is no multiple of its angle", "one number as stiffness"
         if model.dof_dampingpoly[degree].any():
             yield f"joint '{name}' has viscous friction that is no multiple of its speed", "one number as damping"
 
