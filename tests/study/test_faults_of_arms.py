@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from arm_files import two
 from arm_studies import spec_of
 from conftest import Finished
 
@@ -103,6 +104,28 @@ def test_faults_of_an_arm_stand_beside_its_base_parameters(tmp_path: Path, metai
     assert any(line.startswith("delay 0.00") for line in metaid("study", "show", "arm", *storage).verdict)
     assert metaid("study", "report", "arm", *storage, "-o", "arm.html").status == 0
     assert 'id="faults-table"' in Path("arm.html").read_text(encoding="utf-8")
+
+
+def test_spring_of_a_file_that_is_slack_somewhere_is_found_with_its_torque_there(
+    tmp_path: Path, metaid: Callable[..., Finished]
+) -> None:
+    """As a spring, and as a bias that holds it where it is slack; the study needs the file no more."""
+    (tmp_path / "real.xml").write_text(two(joint="stiffness='3' springref='0.5'"), encoding="utf-8")
+    (tmp_path / "rough.xml").write_text(two(), encoding="utf-8")
+    study = 'plant = "real.xml"\nnominal = "rough.xml"\ntrials = 1\nseed = 1\nestimate.faults = ["spring", "bias"]\n'
+    (tmp_path / "sprung.toml").write_text(study, encoding="utf-8")
+    assert metaid("study", "create", "sprung.toml").status == 0
+    (tmp_path / "real.xml").unlink()
+    assert metaid("study", "run", "sprung").status == 0
+    shown = json.loads(metaid("study", "show", "sprung", "--json").out)
+    faults = {row["name"]: row for row in shown["faults"]}
+    assert {name: row["true"] for name, row in faults.items()} == {
+        "spring_1": 3,
+        "spring_2": 0,
+        "bias_1": 1.5,
+        "bias_2": 0,
+    }
+    assert all(row["identified"] == pytest.approx(row["true"], abs=1e-4) for row in faults.values())
 
 
 def test_friction_of_an_arm_is_found_with_its_base_parameters(tmp_path: Path) -> None:
