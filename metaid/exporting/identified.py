@@ -225,12 +225,12 @@ def _toml(model: IdentifiedModel) -> str:
 
 
 def _python(model: IdentifiedModel) -> str:
-    return _comment(model.heading(".py")) + model.dynamics.law.python()
+    return f"{_comment(model.heading('.py'))}\n{model.dynamics.law.python()}"
 
 
 def _c(model: IdentifiedModel) -> str:
     lines = "\n".join(f"   {line}" for line in model.heading(".h")).replace("*/", "* /").replace("/*", "/ *")
-    return f"/*\n{lines}\n*/" + model.dynamics.law.c(c_name(model.name))
+    return f"/*\n{lines}\n*/\n{model.dynamics.law.c(c_name(model.name))}"
 
 
 def _json(model: IdentifiedModel) -> str:

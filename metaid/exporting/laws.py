@@ -1,7 +1,7 @@
 """The compensation law of an identified model as source text, in Python and in C, that needs nothing but a sine.
 
 Both are the equations of docs/method.md written once more: 5, 6 and 15 for a chain, 36 to 38 for an arm. What is 0 of
-an arm's friction is left out.
+an arm's friction is left out. The texts are templates beside this module, which constants of a model fill in.
 """
 
 from __future__ import annotations
@@ -10,21 +10,11 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from string import Template
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.exporting.arm_law_c import ARM_C
-from metaid.exporting.arm_law_python import ARM_PYTHON
-from metaid.exporting.chain_law_texts import (
-    CHAIN_C,
-    CHAIN_MASS_MATRIX_C,
-    CHAIN_MASS_MATRIX_PYTHON,
-    CHAIN_PYTHON,
-    END_C,
-)
 from metaid.models import FRICTION, SLIDING, Array, ChainModel
 from metaid.models.tree import PARAMETERS, JointFriction, Tree, body_torque, joint_mass_matrix
 
@@ -57,23 +47,26 @@ class ChainLaw(ChainModel):
 
     @property
     def _constants(self) -> Constants:
-        kinds = (*FRICTION, *(["inertia"] if self.has_inertia else []))
-        parts = {kind: self.lumps.of(kind) for kind in kinds}
-        rotor = np.zeros(self.njoint) if self.rotor is None else self.rotor
-        return {"gravity": self.gravity * self.lumps.gravity, "coriolis": self.lumps.coriolis, "rotor": rotor, **parts}
+        nothing = np.zeros(self.njoint)
+        return {
+            "gravity": self.gravity * self.lumps.gravity,
+            "coriolis": self.lumps.coriolis,
+            "inertia": self.lumps.of("inertia") if self.has_inertia else nothing,
+            "rotor": nothing if self.rotor is None else self.rotor,
+            **{kind: self.lumps.of(kind) for kind in FRICTION},
+        }
 
     def python(self) -> str:
         """A Python module with a function `torque(q, qd)`, and `mass_matrix(q)` and `inverse_dynamics(q, qd, qdd)`
         where inertia is known.
         """
-        return _python(CHAIN_PYTHON + CHAIN_MASS_MATRIX_PYTHON * self.has_inertia, self._constants)
+        return _python("chain", self._constants)
 
     def c(self, name: str) -> str:
         """A C99 header with a function `NAME_torque(q, qd, torque)`, and `NAME_mass_matrix(q, matrix)` and
         `NAME_inverse_dynamics(q, qd, qdd, torque)` where inertia is known.
         """
-        text = CHAIN_C + CHAIN_MASS_MATRIX_C * self.has_inertia + END_C
-        return _c(text, name, self.njoint, self._constants)
+        return _c("chain", name, self._constants)
 
 
 @dataclass(frozen=True)
@@ -161,13 +154,13 @@ class ArmLaw:
         """As that of a chain; where dry friction has pre-sliding `inverse_dynamics` takes the `slip`, too, which
         `slide(slip, dq)` keeps.
         """
-        return _python(ARM_PYTHON, self._constants)
+        return _python("arm", self._constants)
 
     def c(self, name: str) -> str:
         """As that of a chain; where dry friction has pre-sliding there is `NAME_inverse_dynamics(q, qd, qdd, slip,
         torque)`, with the slip that `NAME_slide(dq, slip)` keeps, or NULL.
         """
-        return _c(ARM_C, name, self.njoint, self._constants)
+        return _c("arm", name, self._constants)
 
 
 Law = ChainLaw | ArmLaw  # either can be computed, and written in two languages
@@ -179,36 +172,29 @@ def c_name(name: str) -> str:
     return word if re.match(r"[A-Za-z]", word) else f"study_{word}".rstrip("_")
 
 
-def _kept(template: str, constants: Constants) -> str:
-    """The lines of a template that a robot with these constants needs, without the %words that say so."""
-    words = ("root", "load", "offset", "spring", "rotor", "bent")
-    has = {word: word in constants and bool(np.any(constants[word])) for word in words}
-    has |= {"dahl": bool(np.any(constants.get("presliding", 0.0))), "pairs": len(constants.get("coupled", ())) > 0}
-    lines = []
-    for line in template.splitlines(keepends=True):
-        text, needed = line, True
-        while found := re.match(r"%(!?)(\w+)(?: |$)", text):
-            needed &= has[found[2]] != bool(found[1])
-            text = text[found.end() :]
-        if needed:
-            lines.append(text)
-    return "".join(lines)
+def _python(kind: str, constants: Constants) -> str:
+    return _filled_in(f"{kind}.py", constants, "[]", "    ")
 
 
-def _python(template: str, constants: Constants) -> str:
-    texts = {key: _numbers(value, "[]", "    ") for key, value in constants.items()}
-    return Template(_kept(template, constants)).substitute(texts, sliding=repr(SLIDING))
+def _c(kind: str, name: str, constants: Constants) -> str:
+    return _filled_in(f"{kind}.h", constants, "{}", "        ", name=name)
 
 
-def _c(template: str, name: str, njoint: int, constants: Constants) -> str:
-    texts = {key: _numbers(value, "{}", "        ") for key, value in constants.items()}
-    words = {
-        "name": name,
-        "guard": f"{name.upper()}_TORQUE_H",
-        "njoint": str(njoint),
-        "nmotor": str(len(constants["damping"])),
-    }
-    return Template(_kept(template, constants)).substitute(texts, **words, sliding=repr(SLIDING))
+def _filled_in(template: str, constants: Constants, brackets: str, indent: str, **words: str) -> str:
+    """A template with the constants of a model as literals, and in `has` which of them are not nothing."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined  # slow to load
+
+    environment = Environment(
+        loader=PackageLoader("metaid.exporting", "."),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        keep_trailing_newline=True,
+    )
+    text = environment.get_template(f"{template}.jinja")
+    literals = {key: _numbers(value, brackets, indent) for key, value in constants.items()}
+    has = {key: bool(np.any(value)) for key, value in constants.items()}
+    sizes = {"njoint": len(constants["rotor"]), "nmotor": len(constants["damping"]), "sliding": repr(SLIDING)}
+    return text.render(**literals, **sizes, **words, has=has)
 
 
 def _numbers(values: Array | NDArray[np.bool_] | NDArray[np.intp], brackets: str, indent: str) -> str:
