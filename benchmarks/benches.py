@@ -34,7 +34,7 @@ from benchmarks.common import two_digits
 from metaid.estimation import ArmEstimate
 from metaid.models import Array
 from metaid.models.tree import model_error
-from metaid.results import Snapshot, judge, read_snapshot
+from metaid.results import Snapshot, read_snapshot
 from metaid.store import Store
 from metaid.study import create_study, load_study, run_study
 from metaid.study.estimates import StudyEstimate
@@ -181,7 +181,7 @@ def try_bench(row: str, robot: str, timestep: float, seed: int, settings: str = 
     """Runs one study on one bench and judges it."""
     imperfections = imperfections_of(row, robot)
     snapshot, seconds = run_bench(row, robot, timestep, seed, settings)
-    verdict, found = judge(snapshot), snapshot.estimate
+    verdict, found = snapshot.verdict, snapshot.estimate
     if found is None:
         return Judged(row, robot, seed, verdict.word, np.inf, np.inf, 0, 0, seconds, "")
     lumps = verdict.lumps

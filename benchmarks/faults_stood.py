@@ -32,7 +32,7 @@ from benchmarks.chain_study import chain_study
 from benchmarks.chains import random_chain
 from benchmarks.common import made, resumed, table, two_digits
 from metaid.plant import PlantSettings, chain_of
-from metaid.results import judge, read_snapshot
+from metaid.results import read_snapshot
 from metaid.study import run_study
 
 LINKS, TRIALS = 3, 4
@@ -93,7 +93,7 @@ def stand(named: str, nlink: int, seed: int) -> Stood:
     with PLANTS[plant](spec) as (store, name):
         run_study(store, name, workers=1)
         snapshot = read_snapshot(store, name)
-        verdict, found = judge(snapshot), snapshot.estimate
+        verdict, found = snapshot.verdict, snapshot.estimate
         trials = store.trials(name, spec.names)
     cpu, error, taken_up = time.process_time() - began, np.inf, list[str]()
     if found is not None:

@@ -29,7 +29,7 @@ from benchmarks.chains import random_chain
 from benchmarks.common import made
 from benchmarks.common import table as markdown
 from metaid.plant import PlantSettings, chain_of
-from metaid.results import judge, read_snapshot
+from metaid.results import read_snapshot
 from metaid.study import StudySpec, run_study
 
 # The largest size of each fault, and over how many powers of ten below it sizes are drawn.
@@ -95,7 +95,7 @@ def try_study(seed: int) -> Judged | None:
     with (made_on_bench if seed % 2 else made)(spec) as (store, name):
         run_study(store, name)
         snapshot = read_snapshot(store, name)
-        verdict, found = judge(snapshot), snapshot.estimate
+        verdict, found = snapshot.verdict, snapshot.estimate
     if found is None:
         return None
     assert isinstance(spec.plant, PlantSettings)

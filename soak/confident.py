@@ -22,7 +22,7 @@ import pandas as pd
 from benchmarks.bench_truth import true_arm, true_base, true_chain, true_lumps
 from metaid.errors import MetaidError
 from metaid.models import Array
-from metaid.results import judge, read_snapshot
+from metaid.results import read_snapshot
 from metaid.store import Store
 from metaid.study import create_study, load_study, run_study
 from soak.bench.serving import bench
@@ -63,7 +63,7 @@ def try_case(number: int, tells_why: bool = False) -> Judged:
         try:
             create_study(store, load_study(str(path)))
             run_study(store, case.name)
-            verdict = judge(snapshot := read_snapshot(store, case.name))
+            verdict = (snapshot := read_snapshot(store, case.name)).verdict
         except MetaidError as refusal:
             return Judged(case, None, str(refusal))
         lumps = verdict.lumps

@@ -25,7 +25,7 @@ from metaid.exporting.xml_files import mjcf
 from metaid.models import Array
 from metaid.models.tree import ArmPrior
 from metaid.plant import ArmPlant
-from metaid.results import Snapshot, judge, read_snapshot
+from metaid.results import Snapshot, read_snapshot
 from metaid.store import Store
 from metaid.study import Problem, StudySettings, StudySpec, create_study, load_study, run_study
 from soak.bench import Arm, Bench, Imperfections, arm_of_links, arm_of_mjcf
@@ -234,7 +234,7 @@ def output_error_on_bench(benched: Benched, condition: Condition, seconds: float
 
 def _found(snapshot: Snapshot, prior: ArmPrior | None) -> Found:
     """What a study has found, of an arm in the base parameters of a `prior`, and what its motion took."""
-    problem, verdict, experiment = snapshot.problem, judge(snapshot), snapshot.problem.experiment()
+    problem, verdict, experiment = snapshot.problem, snapshot.verdict, snapshot.problem.experiment()
     if snapshot.estimate is None or experiment is None:
         raise StudyError(f"the study has no estimate: {verdict.word}")
     trials = [each for each in snapshot.trials if each.outcome.readings is not None]

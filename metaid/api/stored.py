@@ -22,7 +22,6 @@ from metaid.results import (
     Findings,
     Validation,
     identified_model,
-    judge,
     read_findings,
     read_snapshot,
     started_from,
@@ -190,8 +189,7 @@ def bodies(name: str, storage: str | None = None) -> pd.DataFrame:
         2  mass_3   kg     0.90  0.43  1.08     True   0.7
     """
     with closing(Store(storage or default_storage())) as store:
-        snapshot = read_snapshot(store, name)
-        return results.bodies_table(snapshot, judge(snapshot))
+        return results.bodies_table(read_snapshot(store, name))
 
 
 def studies(storage: str | None = None) -> pd.DataFrame:
@@ -252,8 +250,7 @@ def validate(name: str, storage: str | None = None, pushes: int = PUSHES, seed: 
         <Validation on three-link: pushes=1, nominal, identified, true>
     """
     with closing(Store(storage or default_storage())) as store:
-        snapshot = read_snapshot(store, name)
-        return results.validate(snapshot, judge(snapshot), pushes, seed)
+        return results.validate(read_snapshot(store, name), pushes, seed)
 
 
 def model(name: str, storage: str | None = None, even_if_not_found: bool = False) -> IdentifiedModel:

@@ -24,5 +24,5 @@ from metaid.results.tables import (
     trials_frame,
 )
 from metaid.results.validation import PUSHES, Validation, validate, validate_law
-from metaid.results.verdict import RESULTS, Verdict, judge
+from metaid.results.verdict import RESULTS, Verdict
 from metaid.study.estimates import interval_name

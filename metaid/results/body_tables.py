@@ -17,15 +17,15 @@ from metaid.models import COARSEST, DEVIATIONS, Array, Chain, body_extents, know
 from metaid.models.tree import body_quantities, known_bodies
 from metaid.plant import SocketPlant
 from metaid.results.snapshot import Snapshot
-from metaid.results.verdict import Verdict
 
 
-def bodies_table(snapshot: Snapshot, verdict: Verdict) -> pd.DataFrame:
+def bodies_table(snapshot: Snapshot) -> pd.DataFrame:
     """One row a mass, centre of mass and inertia of a link of a study, and, where no length is assumed, a length:
     `name`, `unit`, `nominal`, `low` to `high` over all possible bodies whose lumps are within the ellipsoid of the
     estimate's 95 % intervals, `bounded`, `true` where the plant knows it. Where a parameter is not `bounded`, `high` is
-    infinite.  Raises StudyError where the `verdict` is not that the estimate found lumps, or no body has such lumps.
+    infinite.  Raises StudyError where the verdict is not that the estimate found lumps, or no body has such lumps.
     """
+    verdict = snapshot.verdict
     if not verdict.has_result:
         raise StudyError(f"no bodies: the verdict is '{verdict.word}': {'; '.join(verdict.reasons)}")
     if snapshot.estimate is None or verdict.source != "estimate":
@@ -87,10 +87,10 @@ def _of_arm(estimate: ArmEstimate, covariance: Array, problem: Any) -> dict[str,
     }
 
 
-def body_rows(snapshot: Snapshot, verdict: Verdict) -> dict[str, Any]:
+def body_rows(snapshot: Snapshot) -> dict[str, Any]:
     """The same for a `summary`: `bodies`, None where there are none, and `why_no_bodies`."""
     try:
-        frame = bodies_table(snapshot, verdict)
+        frame = bodies_table(snapshot)
     except StudyError as why:
         return {"bodies": None, "why_no_bodies": str(why)}
     return {"bodies": json_rows(frame.replace({"high": {np.inf: np.nan}})), "why_no_bodies": None}

@@ -6,24 +6,24 @@ from typing import Any
 
 from metaid.errors import StorageError
 from metaid.results.snapshot import Snapshot, read_snapshot
-from metaid.results.verdict import Verdict, judge
 from metaid.store import Store
 from metaid.study import Problem
 
 
-def identified_law(problem: Problem, verdict: Verdict) -> Any:
+def identified_law(snapshot: Snapshot) -> Any:
     """The law of what was sought, as identified. What a best trial says nothing of is as beforehand."""
-    return problem.robot.law_at(dict(zip(verdict.lumps["name"], verdict.values.tolist(), strict=True)))
+    verdict = snapshot.verdict
+    return snapshot.problem.robot.law_at(dict(zip(verdict.lumps["name"], verdict.values.tolist(), strict=True)))
 
 
-def candidates(snapshot: Snapshot, verdict: Verdict) -> dict[str, Any]:
+def candidates(snapshot: Snapshot) -> dict[str, Any]:
     """Laws by name: `nominal`, `identified`, and `true` where that is known. Where nothing was identified there is the
     `best trial` in place of the identified one, if any trial did not fall.
     """
     problem, best, true = snapshot.problem, snapshot.best, snapshot.problem.robot.true_law()
     laws = {"nominal": problem.robot.nominal_law}
-    if verdict.shown["identified"].notna().any():
-        laws["identified"] = identified_law(problem, verdict)
+    if snapshot.verdict.shown["identified"].notna().any():
+        laws["identified"] = identified_law(snapshot)
     elif best is not None:
         values = problem.robot.sought.scale * best.factors
         laws["best trial"] = problem.robot.law_at(dict(zip(problem.names, values.tolist(), strict=True)))
@@ -37,4 +37,4 @@ def candidates_of(store: Store, name: str, plant: Any) -> tuple[Problem, dict[st
     snapshot = read_snapshot(store, name)
     if not snapshot.problem.robot.is_about(plant):
         raise StorageError(f"study '{name}' is about the plant {snapshot.spec.plant_name}, not about {plant.name}")
-    return snapshot.problem, candidates(snapshot, judge(snapshot))
+    return snapshot.problem, candidates(snapshot)

@@ -13,7 +13,6 @@ from metaid.errors import StudyError
 from metaid.frames import json_rows
 from metaid.results.lump_tables import largest_error
 from metaid.results.snapshot import Snapshot, counted_states, read_snapshot
-from metaid.results.verdict import Verdict, judge
 from metaid.store import Store
 
 FEWEST = 2  # studies of a comparison
@@ -75,9 +74,8 @@ def compare(store: Store, names: Sequence[str]) -> Comparison:
         raise StudyError(f"to compare: {', '.join(names) or 'nothing'} (allowed: {FEWEST} studies or more, each once)")
     snapshots = [read_snapshot(store, name) for name in names]
     _refuse_other_plants(snapshots)
-    verdicts = [judge(snapshot) for snapshot in snapshots]
-    rows = [_study_row(*each) for each in zip(snapshots, verdicts, strict=True)]
-    tables = [verdict.shown.assign(study=name) for verdict, name in zip(verdicts, names, strict=True)]
+    rows = [_study_row(snapshot) for snapshot in snapshots]
+    tables = [snapshot.verdict.shown.assign(study=snapshot.name) for snapshot in snapshots]
     lumps = pd.concat(tables, ignore_index=True)
     order = {name: place for place, name in enumerate(dict.fromkeys(lumps["name"]))}
     lumps = lumps.sort_values("name", key=lambda column: column.map(order), kind="stable", ignore_index=True)
@@ -96,8 +94,9 @@ def _refuse_other_plants(snapshots: Sequence[Snapshot]) -> None:
             )
 
 
-def _study_row(snapshot: Snapshot, verdict: Verdict) -> dict[str, Any]:
+def _study_row(snapshot: Snapshot) -> dict[str, Any]:
     spec, counts, found = snapshot.spec, counted_states(snapshot.trials), snapshot.estimate
+    verdict = snapshot.verdict
     error = largest_error(verdict.lumps)
     return {
         "name": snapshot.name,

@@ -17,7 +17,7 @@ from metaid.results.best import best_rows
 from metaid.results.overview import summarized
 from metaid.results.snapshot import Snapshot, read_snapshot, trials_table
 from metaid.results.validation import Validation, validate
-from metaid.results.verdict import Verdict, judge
+from metaid.results.verdict import Verdict
 from metaid.store import Store
 from metaid.study import Parameters, Problem, StudySpec
 from metaid.study.estimates import StudyEstimate
@@ -28,13 +28,12 @@ MODEL_ERRORS = {"gravity": "gravity torque", "coriolis": "Coriolis torque", "mas
 
 @dataclass(frozen=True)
 class Findings:
-    """What follows from the `snapshot` of a study and the `verdict` on it: its `trials`, as `metaid.trials` has them,
+    """What follows from the `snapshot` of a study: its `trials`, as `metaid.trials` has them,
     the `lumps` that it searched, as `metaid.lumps` has them, and its `summary`. Of an arm lumps are base parameters,
     and candidates are these and not factors.
     """
 
     snapshot: Snapshot
-    verdict: Verdict
     trials: pd.DataFrame
     lumps: pd.DataFrame
     summary: dict[str, Any]
@@ -45,6 +44,10 @@ class Findings:
     @property
     def name(self) -> str:
         return self.snapshot.name
+
+    @property
+    def verdict(self) -> Verdict:
+        return self.snapshot.verdict
 
     @property
     def spec(self) -> StudySpec:
@@ -80,7 +83,7 @@ class Findings:
         """On new pushes and along a trajectory; None where nothing was found, or the plant is a rig."""
         if not self.verdict.has_result or not self.problem.spec.is_simulated:
             return None
-        return validate(self.snapshot, self.verdict)
+        return validate(self.snapshot)
 
     @property
     def label(self) -> str:
@@ -200,6 +203,6 @@ class Findings:
 def read_findings(store: Store, name: str) -> Findings:
     """The findings of a study in the DB.  Raises StorageError."""
     snapshot = read_snapshot(store, name)
-    verdict = judge(snapshot)
-    searched = verdict.shown[verdict.shown["name"].isin(snapshot.problem.names)].reset_index(drop=True)
-    return Findings(snapshot, verdict, trials_table(snapshot), searched, summarized(snapshot, verdict))
+    shown = snapshot.verdict.shown
+    searched = shown[shown["name"].isin(snapshot.problem.names)].reset_index(drop=True)
+    return Findings(snapshot, trials_table(snapshot), searched, summarized(snapshot))

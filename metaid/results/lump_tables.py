@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -11,9 +11,11 @@ from metaid.frames import json_rows
 from metaid.models import DEVIATIONS
 from metaid.plant import SocketPlant, fault_names, fault_unit, true_faults
 from metaid.results.best import known_by_best
-from metaid.results.snapshot import Snapshot
 from metaid.study import Known, Parameters, Problem
 from metaid.study.estimates import StudyEstimate
+
+if TYPE_CHECKING:
+    from metaid.results.snapshot import Snapshot
 
 NOTHING = 1e-9  # of what a base parameter may have been wrong by: an error is no share of less
 
@@ -99,8 +101,8 @@ def fault_table(problem: Problem, found: StudyEstimate | None, is_result: bool) 
     return pd.DataFrame(columns)
 
 
-def fault_rows(problem: Problem, found: StudyEstimate | None, is_result: bool) -> dict[str, Any]:
+def fault_rows(snapshot: Snapshot) -> dict[str, Any]:
     """The same as `study show --json` has it, under `faults`; nothing where no fault is ever searched."""
-    if not problem.spec.study.estimate.faults:
+    if not snapshot.spec.study.estimate.faults:
         return {}
-    return {"faults": json_rows(fault_table(problem, found, is_result))}
+    return {"faults": json_rows(fault_table(snapshot.problem, snapshot.estimate, snapshot.verdict.has_result))}

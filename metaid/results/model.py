@@ -14,7 +14,7 @@ from metaid.exporting import Dynamics, IdentifiedModel, arm_dynamics, chain_dyna
 from metaid.models import IDEAL, Array, Lumps, kind_of
 from metaid.plant import fault_unit
 from metaid.results.snapshot import Snapshot, read_snapshot
-from metaid.results.verdict import Verdict, judge
+from metaid.results.verdict import Verdict
 from metaid.store import Store
 from metaid.study import Problem, StudySpec, with_nominal
 
@@ -25,7 +25,7 @@ def identified_model(snapshot: Snapshot, even_if_not_found: bool = False) -> Ide
     """What a study identified; where its verdict is not `found`, and `even_if_not_found` asks for it, its last estimate
     or its best trial.  Raises StudyError where it identified nothing, and says why.
     """
-    verdict, spec, found = judge(snapshot), snapshot.spec, snapshot.estimate
+    verdict, spec, found = snapshot.verdict, snapshot.spec, snapshot.estimate
     guess = None if verdict.has_result else _best_guess(snapshot, verdict)
     if not verdict.has_result and (guess is None or not even_if_not_found):
         how = " (--even-if-not-found, in Python even_if_not_found=True, gives what there is)"

@@ -12,7 +12,7 @@ from metaid.results.body_tables import body_rows
 from metaid.results.candidates import identified_law
 from metaid.results.lump_tables import fault_rows, largest_error
 from metaid.results.snapshot import Snapshot, counted_states, read_snapshot
-from metaid.results.verdict import NUMBERS, Verdict, judge
+from metaid.results.verdict import NUMBERS
 from metaid.store import ForeignTrial, Store
 from metaid.study.estimates import StudyEstimate
 
@@ -26,13 +26,13 @@ def summary(store: Store, name: str, with_bodies: bool = False) -> dict[str, Any
     not known.
     """
     snapshot = read_snapshot(store, name)
-    verdict = judge(snapshot)
-    return {**summarized(snapshot, verdict), **(body_rows(snapshot, verdict) if with_bodies else {})}
+    return {**summarized(snapshot), **(body_rows(snapshot) if with_bodies else {})}
 
 
-def summarized(snapshot: Snapshot, verdict: Verdict) -> dict[str, Any]:
-    """The same of a study that has been read, and the `verdict` on it."""
+def summarized(snapshot: Snapshot) -> dict[str, Any]:
+    """The same of a study that has been read."""
     spec, problem, found, best = snapshot.spec, snapshot.problem, snapshot.estimate, snapshot.best
+    verdict = snapshot.verdict
     return {
         "name": snapshot.name,
         "plant": spec.plant_name,
@@ -47,14 +47,14 @@ def summarized(snapshot: Snapshot, verdict: Verdict) -> dict[str, Any]:
         "best": {
             "number": best and best.number,
             "value": best and best.outcome.value,
-            **_error_of_best(snapshot, verdict),
+            **_error_of_best(snapshot),
         },
         "lumps": json_rows(verdict.lumps),
-        **fault_rows(problem, found, verdict.has_result),
+        **fault_rows(snapshot),
         "max_error": largest_error(verdict.lumps),
-        "model_error": _model_error(snapshot, verdict),
+        "model_error": _model_error(snapshot),
         "periods": sum(sum(trial.outcome.periods) for trial in snapshot.survivors),
-        "estimate": None if found is None else _estimate(found, verdict),
+        "estimate": None if found is None else _estimate(found, verdict.word),
         "why_no_estimate": snapshot.why_no_estimate if found is None else None,
         **({"foreign_trials": [_foreign(trial, snapshot) for trial in snapshot.foreign]} if snapshot.foreign else {}),
         **({} if problem.noise_floor is None else {"noise_floor_hz": problem.noise_floor}),
@@ -85,11 +85,11 @@ def _without_rounding(row: dict[str, Any]) -> dict[str, Any]:
     return {key: settled(key, value) for key, value in row.items()}
 
 
-def _estimate(found: StudyEstimate, verdict: Verdict) -> dict[str, Any]:
+def _estimate(found: StudyEstimate, verdict: str) -> dict[str, Any]:
     """How well the model explains what was seen, and what of; where the verdict asked pushes that were left out, what
     they say of it.
     """
-    worth = found.approximation if verdict.word in ("approximate", "not found") else None
+    worth = found.approximation if verdict in ("approximate", "not found") else None
     return {
         "misfit": found.estimate.misfit,
         "explained_below": found.estimate.explained_below,
@@ -131,10 +131,10 @@ def _foreign(trial: ForeignTrial, snapshot: Snapshot) -> dict[str, Any]:
     return {"number": trial.number, "state": trial.state, **({"value": trial.value} if is_evaluated else {})}
 
 
-def _error_of_best(snapshot: Snapshot, verdict: Verdict) -> dict[str, float | None]:
+def _error_of_best(snapshot: Snapshot) -> dict[str, float | None]:
     """The largest error of the best trial itself, where the study stands by the estimate from all trials."""
     problem, wanted, best = snapshot.problem, snapshot.problem.robot.sought, snapshot.best
-    if verdict.source == "best trial" or problem.is_matching or best is None or wanted.deviations is not None:
+    if snapshot.verdict.source == "best trial" or problem.is_matching or best is None or wanted.deviations is not None:
         return {}
     true = problem.robot.true_values(wanted)
     if np.isnan(true).all():
@@ -143,9 +143,9 @@ def _error_of_best(snapshot: Snapshot, verdict: Verdict) -> dict[str, float | No
     return {"max_error": None if np.isnan(errors).any() else float(errors.max())}
 
 
-def _model_error(snapshot: Snapshot, verdict: Verdict) -> dict[str, float] | None:
+def _model_error(snapshot: Snapshot) -> dict[str, float] | None:
     """How wrong the identified law is on states that no trial has seen; None where that is not known."""
-    if not verdict.has_result:
+    if not snapshot.verdict.has_result:
         return None
-    error = snapshot.problem.robot.model_error(identified_law(snapshot.problem, verdict))
+    error = snapshot.problem.robot.model_error(identified_law(snapshot))
     return None if error is None else asdict(error)

@@ -16,6 +16,7 @@ import pandas as pd
 
 from metaid.errors import StudyError
 from metaid.results.best import best_index
+from metaid.results.verdict import Verdict, judge
 from metaid.store import EXPERIMENT, ForeignTrial, Store, Trial, shown_trial
 from metaid.study import (
     ENDED_KEY,
@@ -77,6 +78,11 @@ class Snapshot:
         """
         found: StudyEstimate | None = estimate_from(self.kept, self.problem, self.trials, self.foreign)
         return found
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        """Whether it has found its lumps, and if not, why."""
+        return judge(self)
 
     @property
     def why_no_estimate(self) -> str:

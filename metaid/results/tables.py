@@ -8,7 +8,6 @@ import pandas as pd
 from metaid.errors import StudyError
 from metaid.results.lump_tables import estimate_table, fault_rows, largest_error
 from metaid.results.snapshot import Snapshot, counted_states, read_snapshot, trials_table
-from metaid.results.verdict import judge
 from metaid.store import Store
 
 
@@ -30,8 +29,8 @@ def lumps_frame(store: Store, name: str) -> pd.DataFrame:
     Of an arm a row is a base parameter, with its `expression`.
     """
     snapshot = read_snapshot(store, name)
-    verdict = judge(snapshot)
-    verdict.lumps.attrs |= fault_rows(snapshot.problem, snapshot.estimate, verdict.has_result)
+    verdict = snapshot.verdict
+    verdict.lumps.attrs |= fault_rows(snapshot)
     verdict.lumps.attrs |= {"verdict": verdict.word, "reasons": list(verdict.reasons), "source": verdict.source}
     return verdict.lumps
 
@@ -64,7 +63,7 @@ def _study_row(store: Store, name: str) -> dict[str, object]:
         measure = snapshot.problem.measure.name
     except StudyError:  # too large to be computed: the others are listed all the same, and `show` says why
         return {**known, "measure": spec.measure, "verdict": ""}
-    verdict = judge(snapshot)
+    verdict = snapshot.verdict
     return {
         **known,
         "measure": measure,

@@ -17,7 +17,6 @@ from metaid.models import Array
 from metaid.results.candidates import identified_law
 from metaid.results.courses import course_of
 from metaid.results.snapshot import Snapshot
-from metaid.results.verdict import Verdict
 from metaid.study import Problem
 
 PUSHES, MOST_PUSHES = 10, 1000
@@ -113,22 +112,21 @@ class Validation:
         return {**head, **natural, "horizon_s": self.horizon, "models": [row(shown) for shown in self.models]}
 
 
-def validate(snapshot: Snapshot, verdict: Verdict, pushes: int = PUSHES, seed: int = 0) -> Validation:
+def validate(snapshot: Snapshot, pushes: int = PUSHES, seed: int = 0) -> Validation:
     """`validate_law` of what a study found.
 
     Args:
         snapshot: of the study.
-        verdict: on it.
         pushes: how many pushes, which the search never used.
         seed: of these pushes.
 
     Raises:
         StudyError: nothing was found, or as `validate_law` does.
     """
-    found = verdict.lumps
+    verdict, found = snapshot.verdict, snapshot.verdict.lumps
     if not (verdict.has_result or (found["determined"] & found["identified"].notna()).any()):
         raise verdict.refusal(snapshot.name, "nothing to validate")
-    return validate_law(snapshot.problem, identified_law(snapshot.problem, verdict), pushes, seed)
+    return validate_law(snapshot.problem, identified_law(snapshot), pushes, seed)
 
 
 def validate_law(problem: Problem, identified: Any, pushes: int = PUSHES, seed: int = 0) -> Validation:

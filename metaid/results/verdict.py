@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import pandas as pd
@@ -17,10 +17,12 @@ from metaid.errors import StudyError, first_of
 from metaid.models import COARSEST, Array
 from metaid.results.by_measure import bounds_reached
 from metaid.results.lump_tables import best_table, estimate_table, fault_table
-from metaid.results.snapshot import Snapshot
 from metaid.store import Trial
 from metaid.study import Problem
 from metaid.study.estimates import StudyEstimate
+
+if TYPE_CHECKING:
+    from metaid.results.snapshot import Snapshot
 
 Word = Literal["found", "approximate", "not found", "unfinished"]
 Source = Literal["estimate", "best trial"]

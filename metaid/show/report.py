@@ -48,7 +48,7 @@ def render(found: Findings, watch: Watch = lambda what: None) -> str:
 def page(found: Findings, gallery: Gallery, drawn: Sequence[PageFigure]) -> str:
     """The page with those figures of the `gallery` that are `drawn`."""
     problem, spec = found.problem, found.spec
-    bodies = shown_rows(found.summary | body_rows(found.snapshot, found.verdict), "bodies")
+    bodies = shown_rows(found.summary | body_rows(found.snapshot), "bodies")
     return filled_in(
         "report.html",
         found=found,

@@ -13,8 +13,9 @@ from chain_studies import chain_study, random_chain
 
 from metaid.cli.printed import print_study
 from metaid.errors import StudyError
-from metaid.results import identified_model, judge, lumps_frame, read_findings, read_snapshot, summary
-from metaid.results.lump_tables import fault_rows
+from metaid.frames import json_rows
+from metaid.results import identified_model, lumps_frame, read_findings, read_snapshot, summary
+from metaid.results.lump_tables import fault_table
 from metaid.show.notes import note
 from metaid.store import Store
 from metaid.study import Problem, StudySpec, create_study, load_study, run_study
@@ -97,8 +98,8 @@ def test_fault_that_is_not_explained_has_no_interval(tmp_path: Path) -> None:
         create_study(store, late_and_tilted("delay", nlink=1))
         run_study(store, "chain")
         snapshot = read_snapshot(store, "chain")
-    verdict, estimate = judge(snapshot), snapshot.estimate
-    (delay,) = fault_rows(snapshot.problem, estimate, False)["faults"]
+    verdict, estimate = snapshot.verdict, snapshot.estimate
+    (delay,) = json_rows(fault_table(snapshot.problem, estimate, False))
     assert verdict.word == "approximate"
     assert delay["identified"] is not None
     assert delay["sd"] is delay["low"] is delay["high"] is None

@@ -16,7 +16,7 @@ from conftest import Finished
 
 from metaid.errors import StudyError
 from metaid.plant import FaultSettings, LinkSettings, PlantSettings
-from metaid.results import Verdict, judge, read_snapshot, summary
+from metaid.results import Verdict, read_snapshot, summary
 from metaid.store import Store
 from metaid.study import create_study, load_study, run_study
 
@@ -33,7 +33,7 @@ def verdict_of(
     store = Store(str(folder / "metaid.db"), create=True)
     create_study(store, load_study(study, changes), "study")
     run_study(store, "study", trials)
-    return judge(read_snapshot(store, "study"))
+    return read_snapshot(store, "study").verdict
 
 
 def knows_nothing(verdict: Verdict) -> bool:
@@ -71,7 +71,7 @@ def test_tip_far_heavier_than_believed_is_found_beyond_the_bounds(tmp_path: Path
     store = Store(str(tmp_path / "metaid.db"), create=True)
     create_study(store, spec, "study")
     run_study(store, "study")
-    verdict = judge(read_snapshot(store, "study"))
+    verdict = read_snapshot(store, "study").verdict
     assert verdict.word == "found"
     assert verdict.lumps["factor"].max() > 2.2
     assert ((verdict.lumps["low"] <= verdict.lumps["true"]) & (verdict.lumps["true"] <= verdict.lumps["high"])).all()
@@ -96,7 +96,7 @@ def test_what_the_model_does_not_know_is_not_found(
     store = Store(str(tmp_path / "metaid.db"), create=True)
     create_study(store, spec, "study")
     run_study(store, "study")
-    verdict = judge(read_snapshot(store, "study"))
+    verdict = read_snapshot(store, "study").verdict
     assert verdict.word == "not found"
     assert "the model does not explain what was seen" in verdict.reasons[-1]
     assert knows_nothing(verdict)
@@ -139,7 +139,7 @@ def test_study_of_frequencies_without_a_trial_is_unfinished(tmp_path: Path) -> N
     """It is shown with a row for each lump that is searched, and no number."""
     store = Store(str(tmp_path / "metaid.db"), create=True)
     create_study(store, load_study("three-link"), "study")
-    verdict = judge(read_snapshot(store, "study"))
+    verdict = read_snapshot(store, "study").verdict
     assert verdict.word == "unfinished"
     assert len(verdict.lumps) == 6
     assert verdict.lumps[["identified", "low", "high"]].isna().all(axis=None)
@@ -168,7 +168,7 @@ def test_noisy_angles_beside_exact_speeds_leave_the_truth_in_the_intervals(sampl
     store = Store(str(tmp_path / "metaid.db"), create=True)
     create_study(store, spec, "study")
     run_study(store, "study")
-    verdict = judge(read_snapshot(store, "study"))
+    verdict = read_snapshot(store, "study").verdict
     assert (verdict.word, verdict.source) == ("found", "estimate")
     lumps = verdict.lumps
     assert lumps["error"].abs().max() < 0.01
@@ -234,7 +234,7 @@ def of_a_noisy_link(
     with closing(Store(str(folder / "metaid.db"), create=True)) as store:
         create_study(store, chain_study((true, nominal), faults, more, **settings))
         run_study(store, "chain")
-        return judge(read_snapshot(store, "chain"))
+        return read_snapshot(store, "chain").verdict
 
 
 def test_intervals_hold_what_a_force_that_is_hinted_at_would_change(tmp_path: Path) -> None:
@@ -273,6 +273,6 @@ def test_trials_that_all_fall_in_their_first_push_say_so_and_what_to_do(tmp_path
     with closing(Store(str(tmp_path / "metaid.db"), create=True)) as store:
         create_study(store, chain_study(random_chain(3, 1), faults, trials=2), "study")
         run_study(store, "study")
-        verdict = judge(read_snapshot(store, "study"))
+        verdict = read_snapshot(store, "study").verdict
     assert verdict.word == "not found"
     assert verdict.reasons[0].startswith("every trial fell in its first push: push less (episode.peak_speed)")

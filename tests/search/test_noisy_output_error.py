@@ -13,7 +13,7 @@ from pandas.testing import assert_frame_equal
 from metaid import results
 from metaid.episode import SensorReadings
 from metaid.estimation import Experiment
-from metaid.results import judge, read_snapshot
+from metaid.results import read_snapshot
 from metaid.store import Store
 from metaid.study import Problem, SearchSettings, StudySpec, create_study, run_study
 from metaid.study.settings import EstimateSettings
@@ -115,7 +115,7 @@ def test_misfit_tells_what_the_twin_does_not_know(faults: dict[str, Any], link: 
     snapshot = read_snapshot(store, "chain")
     assert snapshot.estimate is not None
     assert snapshot.estimate.estimate.misfit > 4.0
-    verdict = judge(snapshot)
+    verdict = snapshot.verdict
     assert verdict.word == "not found"
     assert verdict.lumps[["sd", "low", "high"]].isna().all(axis=None)
     assert "pushes that were left out have a misfit of " in verdict.reasons[-1]

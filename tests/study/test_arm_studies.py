@@ -123,7 +123,7 @@ def test_bodies_of_an_arm_hold_the_truth_in_their_intervals(arms: Path, metaid: 
     """
     with closing(Store(str(arms))) as store:
         snapshot = results.read_snapshot(store, "exact")
-        bodies = results.bodies_table(snapshot, results.judge(snapshot)).set_index("name")
+        bodies = results.bodies_table(snapshot).set_index("name")
     assert len(bodies) == 30
     held = (bodies["low"] <= bodies["true"]) & (bodies["true"] <= bodies["high"])
     assert held.mean() > 0.9 - 1.0 / 30.0

@@ -15,7 +15,7 @@ from benchmarks import benches
 from benchmarks.bench_torque import true_torque
 from benchmarks.benches import run_bench, try_bench
 from metaid.exporting import file_torques
-from metaid.results import identified_model, judge
+from metaid.results import identified_model
 from soak.bench import Bench, Imperfections, arm_of_links, arm_of_mjcf
 from soak.bench.__main__ import example_rig
 
@@ -57,7 +57,7 @@ def test_lengths_of_a_bench_that_are_wrong_and_said_to_be_exact_are_named(monkey
     """By as much as 36 mm: the verdict says what they are to blame for, and no confident number is given."""
     monkeypatch.setattr(benches, "TRIALS", 2)
     snapshot, _ = run_bench("encoders", "2", 0.002, 0, '[estimate]\nlengths = "exact"\nfaults = []\n')
-    verdict = judge(snapshot)
+    verdict = snapshot.verdict
     assert verdict.word != "found"
     assert "shows what the model has not, wrong geometry" in verdict.reasons[-1]
     assert "a chain may leave its lengths to the study" in verdict.reasons[-1]
@@ -149,7 +149,7 @@ def test_stiction_of_a_bench_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     """No model of metaid has it, and in an arm it hides in the noise of the encoders."""
     monkeypatch.setattr(benches, "TRIALS", 1)
     snapshot, _ = run_bench("friction", "arm", 0.002, 0)
-    verdict = judge(snapshot)
+    verdict = snapshot.verdict
     assert verdict.word == "approximate"
     assert any("stiction in joint" in reason for reason in verdict.reasons)
 

@@ -14,7 +14,7 @@ from conftest import Finished
 
 from metaid.errors import StudyError
 from metaid.models import Array
-from metaid.results import judge, read_snapshot
+from metaid.results import read_snapshot
 from metaid.store import Store
 from metaid.study import create_study, load_study, run_study
 from metaid.study.estimates import StudyEstimate
@@ -221,7 +221,7 @@ def test_intervals_hold_a_last_encoder_that_is_off_as_the_others_may_be(
     assert found is not None
     assert found.taken_up is not None
     assert found.taken_up.kinds == ("tilt",)
-    lumps = judge(snapshot).lumps
+    lumps = snapshot.verdict.lumps
     assert ((lumps["low"] <= lumps["true"]) & (lumps["true"] <= lumps["high"])).sum() >= len(lumps) - 1
     turned = lumps.set_index("name").loc["m2y"]
     assert turned["low"] < turned["true"] < turned["high"]

@@ -232,6 +232,6 @@ def test_friction_that_nobody_knows_is_found_though_pushes_differ(tmp_path: Path
     episode = {"measure": "smoothed", "count": 21}
     create_study(store, chain_study(random_chain(2, 27), fine, {"damping": 0.05}, episode=episode, **wanted), "rubbing")
     run_study(store, "rubbing")
-    verdict = results.judge(results.read_snapshot(store, "rubbing"))
+    verdict = results.read_snapshot(store, "rubbing").verdict
     assert verdict.word == "found"
     assert (verdict.lumps["identified"] / verdict.lumps["true"] - 1.0).abs().max() < 1e-4

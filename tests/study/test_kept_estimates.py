@@ -18,7 +18,7 @@ from conftest import Finished
 
 import metaid as package
 from metaid.plant import FaultSettings, PlantSettings
-from metaid.results import judge, read_snapshot, summary
+from metaid.results import read_snapshot, summary
 from metaid.results.overview import summarized
 from metaid.store import Store
 from metaid.study import create_study, load_study, run_study
@@ -46,7 +46,7 @@ def refused(*_: Any) -> Any:
 
 def shown_of(snapshot: Any) -> str:
     """What `study show --json` says of a study."""
-    return json.dumps(summarized(snapshot, judge(snapshot)))
+    return json.dumps(summarized(snapshot))
 
 
 def same_either_way(storage: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> str:
