@@ -16,6 +16,8 @@ from metaid.results.snapshot import Snapshot, counted_states, read_snapshot
 from metaid.store import Store
 
 FEWEST = 2  # studies of a comparison
+STUDY = ["name", "plant", "sampler", "measure", "verdict", "reasons", "source"]  # the columns of a study
+STUDY += ["trials", "pruned", "seconds", "misfit", "max_error"]
 
 
 @dataclass(frozen=True)
@@ -80,7 +82,8 @@ def compare(store: Store, names: Sequence[str]) -> Comparison:
     order = {name: place for place, name in enumerate(dict.fromkeys(lumps["name"]))}
     lumps = lumps.sort_values("name", key=lambda column: column.map(order), kind="stable", ignore_index=True)
     first = ["name", "study"]
-    return Comparison(pd.DataFrame(rows), lumps[[*first, *(key for key in lumps.columns if key not in first)]])
+    studies = pd.DataFrame(rows, columns=STUDY).astype({"misfit": np.float64, "max_error": np.float64})
+    return Comparison(studies, lumps[[*first, *(key for key in lumps.columns if key not in first)]])
 
 
 def _refuse_other_plants(snapshots: Sequence[Snapshot]) -> None:
@@ -95,20 +98,11 @@ def _refuse_other_plants(snapshots: Sequence[Snapshot]) -> None:
 
 
 def _study_row(snapshot: Snapshot) -> dict[str, Any]:
-    spec, counts, found = snapshot.spec, counted_states(snapshot.trials), snapshot.estimate
-    verdict = snapshot.verdict
-    error = largest_error(verdict.lumps)
+    counts = counted_states(snapshot.trials)
     return {
-        "name": snapshot.name,
-        "plant": spec.plant_name,
-        "sampler": spec.study.sampler,
-        "measure": snapshot.problem.measure.name,
-        "verdict": verdict.word,
-        "reasons": list(verdict.reasons),
-        "source": verdict.source,
+        **snapshot.head,
         "trials": counts["total"],
         "pruned": counts["pruned"],
-        "seconds": sum(trial.outcome.steps for trial in snapshot.trials) * spec.timestep,
-        "misfit": np.nan if found is None else found.estimate.misfit,
-        "max_error": np.nan if error is None else error,
+        "seconds": sum(trial.outcome.steps for trial in snapshot.trials) * snapshot.spec.timestep,
+        "max_error": largest_error(snapshot.verdict.lumps),
     }

@@ -32,15 +32,8 @@ def identified_model(snapshot: Snapshot, even_if_not_found: bool = False) -> Ide
         raise verdict.refusal(snapshot.name, "no identified model", "" if guess is None else how)
     table = verdict.lumps.assign(value=verdict.values if guess is None else guess)
     about = {
-        "plant": spec.plant_name,
-        "sampler": spec.study.sampler,
-        "measure": snapshot.problem.measure.name,
-        "seed": spec.study.seed,
+        **snapshot.head,
         "trials": len(snapshot.trials),
-        "verdict": verdict.word,
-        "reasons": list(verdict.reasons),
-        "source": verdict.source,
-        "misfit": None if found is None else found.estimate.misfit,
         "written": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         "metaid": metaid.__version__,
     }

@@ -31,18 +31,9 @@ def summary(store: Store, name: str, with_bodies: bool = False) -> dict[str, Any
 
 def summarized(snapshot: Snapshot) -> dict[str, Any]:
     """The same of a study that has been read."""
-    spec, problem, found, best = snapshot.spec, snapshot.problem, snapshot.estimate, snapshot.best
-    verdict = snapshot.verdict
+    verdict, problem, found, best = snapshot.verdict, snapshot.problem, snapshot.estimate, snapshot.best
     return {
-        "name": snapshot.name,
-        "plant": spec.plant_name,
-        "sampler": spec.study.sampler,
-        "measure": problem.measure.name,
-        "seed": spec.study.seed,
-        "verdict": verdict.word,
-        "reasons": list(verdict.reasons),
-        "source": verdict.source,
-        "misfit": None if found is None else found.estimate.misfit,
+        **snapshot.head,
         "trials": counted_states(snapshot.trials),
         "best": {
             "number": best and best.number,

@@ -85,6 +85,22 @@ class Snapshot:
         return judge(self)
 
     @property
+    def head(self) -> dict[str, Any]:
+        """What every account of it begins with: what was searched, and the verdict."""
+        verdict, found = self.verdict, self.estimate
+        return {
+            "name": self.name,
+            "plant": self.spec.plant_name,
+            "sampler": self.spec.study.sampler,
+            "measure": self.problem.measure.name,
+            "seed": self.spec.study.seed,
+            "verdict": verdict.word,
+            "reasons": list(verdict.reasons),
+            "source": verdict.source,
+            "misfit": None if found is None else found.estimate.misfit,
+        }
+
+    @property
     def why_no_estimate(self) -> str:
         """Why there is none."""
         problem = self.problem

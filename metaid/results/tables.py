@@ -55,19 +55,12 @@ def studies_frame(store: Store) -> pd.DataFrame:
 
 def _study_row(store: Store, name: str) -> dict[str, object]:
     snapshot = read_snapshot(store, name)
-    spec, counts = snapshot.spec, counted_states(snapshot.trials)
-    known: dict[str, object] = {"name": name, "plant": spec.plant_name, "sampler": spec.study.sampler}
-    known |= {"trials": counts["total"], "pruned": counts["pruned"]}
+    spec, counts, best = snapshot.spec, counted_states(snapshot.trials), snapshot.best
+    known = {"trials": counts["total"], "pruned": counts["pruned"]}
     try:
         snapshot.problem.check()
-        measure = snapshot.problem.measure.name
     except StudyError:  # too large to be computed: the others are listed all the same, and `show` says why
-        return {**known, "measure": spec.measure, "verdict": ""}
-    verdict = snapshot.verdict
-    return {
-        **known,
-        "measure": measure,
-        "verdict": verdict.word,
-        "best": snapshot.best and snapshot.best.outcome.value,
-        "max_error": largest_error(verdict.lumps),
-    }
+        head = {"name": name, "plant": spec.plant_name, "sampler": spec.study.sampler, "measure": spec.measure}
+        return {**head, **known, "verdict": ""}
+    error = largest_error(snapshot.verdict.lumps)
+    return {**snapshot.head, **known, "best": best and best.outcome.value, "max_error": error}
