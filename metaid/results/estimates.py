@@ -4,7 +4,21 @@ from __future__ import annotations
 
 from typing import Any
 
-from metaid.study.estimates import CLOSE, FIRST_TRIALS
+from metaid.study.estimates import CLOSE, FIRST_TRIALS, interval_name
+
+
+def estimate_texts(summary: dict[str, Any]) -> dict[str, Any]:
+    """Sentences on the estimate in a `summary`: what it is worth, or why there is none; how early it was there, where
+    it explains what was seen; and what its `interval` is called.
+    """
+    shown, total = summary["estimate"], summary["trials"]["total"]
+    if shown is None:
+        return {"worth": f"No estimate: {summary['why_no_estimate']}.", "known": None, "interval": None}
+    return {
+        "worth": f"Estimate from {describe_trials(shown, total)}: {shown['description']}.",
+        "known": describe_known_from(shown, total) if shown["explains"] else None,
+        "interval": interval_name(shown["counts"]),
+    }
 
 
 def describe_trials(shown: dict[str, Any], total: int) -> str:

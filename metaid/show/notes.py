@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from metaid.results import RESULTS, Findings, describe_known_from, describe_trials, interval_name, shown_rows
+from metaid.results import RESULTS, Findings, estimate_texts, shown_rows
 from metaid.show.companions import companion_name, is_long
 
 CANDIDATES = {
@@ -55,14 +55,13 @@ they survived to, and their value ranks them behind every survivor.
 
 def _estimate(shown: dict[str, Any]) -> str:
     """What all trials say together, below the lumps that a study stands by."""
-    estimate, total = shown["estimate"], shown["trials"]["total"]
-    if estimate is None:
-        return f"No estimate: {escaped(shown['why_no_estimate'])}."
-    text = f"Estimate from {describe_trials(estimate, total)}: {estimate['description']}."
-    if shown["verdict"] not in RESULTS or shown["source"] != "estimate":
-        return text
-    text += f" Low and high are the {interval_name(estimate['counts'])}."
-    return f"{text} Here {describe_known_from(estimate, total)}." if estimate["explains"] else text
+    texts = estimate_texts(shown)
+    said = [escaped(texts["worth"])]
+    if shown["verdict"] in RESULTS and shown["source"] == "estimate":
+        said.append(f"Low and high are the {texts['interval']}.")
+        if texts["known"]:
+            said.append(f"Here {texts['known']}.")
+    return " ".join(said)
 
 
 def _table(rows: list[dict[str, Any]], what: str, forms: Mapping[str, str]) -> str:

@@ -14,10 +14,8 @@ from metaid.results import (
     MODEL_ERRORS,
     Findings,
     body_rows,
-    describe_known_from,
     describe_possible_bodies,
-    describe_trials,
-    interval_name,
+    estimate_texts,
     shown_rows,
 )
 from metaid.show.figures import COLUMN, PAGE, Gallery, sketch
@@ -121,19 +119,6 @@ def errors(found: Findings) -> list[dict[str, Any]]:
         return []
     rows = MODEL_ERRORS.items()
     return [{"name": name, "nominal": nominal[key], "identified": identified.get(key)} for key, name in rows]
-
-
-def estimate_texts(summary: dict[str, Any]) -> dict[str, str | None]:
-    """What the estimate from all trials is worth by a `summary`, how early it was there, or why there is none."""
-    shown, total = summary["estimate"], summary["trials"]["total"]
-    if shown is None:
-        return {"worth": f"No estimate: {summary['why_no_estimate']}.", "known": None, "interval": None}
-    known = describe_known_from(shown, total).capitalize() + "." if shown["explains"] else None
-    return {
-        "worth": f"Estimate from {describe_trials(shown, total)}: {shown['description']}.",
-        "known": known,
-        "interval": interval_name(shown["counts"]),
-    }
 
 
 def falls(trials: pd.DataFrame, total_steps: int) -> dict[str, Any]:
