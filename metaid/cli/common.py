@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 
 FIGURE_SUFFIXES = (".png", ".pdf", ".svg")
+PATH = click.Path(path_type=Path)
 
 
 class Group(click.Group):

@@ -8,6 +8,7 @@ import click
 
 from metaid.cli.common import (
     FIGURE_SUFFIXES,
+    PATH,
     json_option,
     number_text,
     open_store,
@@ -31,9 +32,7 @@ Example:
 @click.argument("names", metavar="NAME NAME ...", nargs=-1, required=True, shell_complete=complete_name)
 @storage_option
 @json_option
-@click.option(
-    "-o", "output", type=click.Path(path_type=Path), help="A figure (.png, .pdf, .svg), or a page with all (.html)."
-)
+@click.option("-o", "output", type=PATH, help="A figure (.png, .pdf, .svg), or a page with all (.html).")
 def compare(names: tuple[str, ...], storage: str, as_json: bool, output: Path | None) -> None:
     """Studies of the same plant beside one another: what each took, and what it found of each lump."""
     from metaid.results import compare as compared

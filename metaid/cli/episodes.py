@@ -8,6 +8,7 @@ import click
 
 from metaid.cli.common import (
     FIGURE_SUFFIXES,
+    PATH,
     json_option,
     numbers,
     open_store,
@@ -41,10 +42,10 @@ from metaid.cli.plants import plant_argument
     help="Of an arm: send the law of a nominal arm, drawn as in [nominal] of a study.",
 )
 @json_option
-@click.option("-o", "output", type=click.Path(path_type=Path), help="Draw joint angles over time (.png, .pdf, .svg).")
+@click.option("-o", "output", type=PATH, help="Draw joint angles over time (.png, .pdf, .svg).")
 @click.option(
     "--video",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="Film it beside an episode with the true lumps (.mp4, .gif); no screen needed.",
 )
 @click.option(

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from metaid.cli.common import FIGURE_SUFFIXES, open_store, say, storage_option, warn, whole_file, working
+from metaid.cli.common import FIGURE_SUFFIXES, PATH, open_store, say, storage_option, warn, whole_file, working
 from metaid.cli.plants import plant_argument
 from metaid.cli.studies import name_argument
 from metaid.errors import MetaidError
@@ -14,7 +14,7 @@ from metaid.errors import MetaidError
 
 @click.command(epilog="\b\nExample:\n  metaid plant draw three-link -o plant.png")
 @plant_argument
-@click.option("-o", "output", type=click.Path(path_type=Path), required=True, help="FILE.png, .pdf or .svg.")
+@click.option("-o", "output", type=PATH, required=True, help="FILE.png, .pdf or .svg.")
 def draw(name: str, output: Path) -> None:
     """Draw a labelled sketch of a plant: lengths, masses, centres of mass; of an arm its shapes and joints at home."""
     from metaid.plant import load_plant
@@ -40,9 +40,7 @@ def view(name: str) -> None:
 @click.command(epilog="\b\nExample:\n  metaid study plot three-link -o figures --format pdf --width column")
 @name_argument
 @storage_option
-@click.option(
-    "-o", "folder", metavar="DIR", type=click.Path(path_type=Path), required=True, help="Folder, made if need be."
-)
+@click.option("-o", "folder", metavar="DIR", type=PATH, required=True, help="Folder, made if need be.")
 @click.option("--format", "ending", type=click.Choice(["png", "svg", "pdf"]), default="png", show_default=True)
 @click.option(
     "--width", type=click.Choice(["page", "column"]), default="page", show_default=True, help="7 or 3.5 inches."
@@ -73,7 +71,7 @@ def plot(name: str, storage: str, folder: Path, ending: str, width: str, over: t
 @click.command(epilog="\b\nExample:\n  metaid study report three-link -o report.html")
 @name_argument
 @storage_option
-@click.option("-o", "output", type=click.Path(path_type=Path), required=True, help="FILE.html.")
+@click.option("-o", "output", type=PATH, required=True, help="FILE.html.")
 def report(name: str, storage: str, output: Path) -> None:
     """Write one self-contained page: what was searched, what was found, figures, cost, how to repeat it."""
     from metaid.results import read_findings

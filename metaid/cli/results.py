@@ -9,6 +9,7 @@ import click
 
 from metaid.cli.common import (
     FIGURE_SUFFIXES,
+    PATH,
     json_option,
     number_text,
     open_store,
@@ -61,9 +62,7 @@ VALIDATED = {
 )
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Random seed of the pushes.")
 @json_option
-@click.option(
-    "-o", "output", type=click.Path(path_type=Path), help="Draw tracking errors over time (.png, .pdf, .svg)."
-)
+@click.option("-o", "output", type=PATH, help="Draw tracking errors over time (.png, .pdf, .svg).")
 def validate(name: str, storage: str, pushes: int, seed: int, as_json: bool, output: Path | None) -> None:
     """Test the identified model: how long the plant coasts with it, and how well it tracks.
 
@@ -101,7 +100,7 @@ def validate(name: str, storage: str, pushes: int, seed: int, as_json: bool, out
 @click.command(epilog="\b\nExample:\n  metaid study export three-link -o trials.csv")
 @name_argument
 @storage_option
-@click.option("-o", "output", type=click.Path(path_type=Path), required=True, help="FILE.csv or FILE.parquet.")
+@click.option("-o", "output", type=PATH, required=True, help="FILE.csv or FILE.parquet.")
 def export(name: str, storage: str, output: Path) -> None:
     """Write every trial to a file: state, value, generation, steps, periods per joint, factors."""
     from metaid.results import trials_frame
@@ -125,7 +124,7 @@ MODEL_HELP = "FILE.toml, .xml (MJCF), .urdf, .py, .h or .json."
 @click.command(epilog="\b\nExample:\n  metaid study model three-link -o three-link.xml")
 @name_argument
 @storage_option
-@click.option("-o", "outputs", type=click.Path(path_type=Path), required=True, multiple=True, help=MODEL_HELP)
+@click.option("-o", "outputs", type=PATH, required=True, multiple=True, help=MODEL_HELP)
 @click.option(
     "--even-if-not-found", is_flag=True, help="Where nothing was found, write the last estimate or the best trial."
 )

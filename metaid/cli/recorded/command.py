@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from metaid.cli.common import (
     FIGURE_SUFFIXES,
+    PATH,
     json_option,
     names_of,
     numbers,
@@ -53,20 +55,13 @@ class LogsCommand(click.Command):
 @click.command(
     cls=LogsCommand, epilog="\b\nExample:\n  metaid estimate double-pendulum --nominal double-pendulum -o model.xml"
 )
-@click.argument("logs", metavar="LOG [LOG ...]", type=click.Path(path_type=Path), nargs=-1, required=True)
+@click.argument("logs", metavar="LOG [LOG ...]", type=PATH, nargs=-1, required=True)
 @click.option("--nominal", required=True, metavar="ROBOT", help=NOMINAL_HELP)
-@click.option(
-    "--validate",
-    "others",
-    metavar="LOG …",
-    type=click.Path(path_type=Path),
-    multiple=True,
-    help="Logs to predict alone.",
-)
+@click.option("--validate", metavar="LOG …", type=PATH, multiple=True, help="Logs to predict alone.")
 @click.option("--law", metavar="PLANT", help="The torques were those that compensate this plant.")
 @click.option("--joints", metavar="A,B,…", help="Of an MJCF or URDF those that move.")
 @click.option("--friction", metavar="TERMS", help=FRICTION_HELP)
-@click.option("--couple", "couples", metavar="I,J", multiple=True, help="Two joints whose motors are coupled.")
+@click.option("--couple", "coupled", metavar="I,J", multiple=True, help="Two joints whose motors are coupled.")
 @click.option("--absolute", metavar="JOINT", multiple=True, help=ABSOLUTE_HELP)
 @click.option(
     "--map", "columns", metavar="OWN=OURS", multiple=True, help="What columns are: pwm=torque, q=angle:deg, hip=1."
@@ -74,7 +69,7 @@ class LogsCommand(click.Command):
 @click.option("--rate", type=float, metavar="HZ", hidden=True, help="Rows a second, of logs without times.")
 @click.option("--topic", metavar="NAME", hidden=True, help="Of joint states in a bag that has several.")
 @click.option("--untrusted", metavar="A,B", help="Joints that move, but whose torques are not used.")
-@click.option("--reversed", "turned", metavar="A,B", hidden=True, help="Joints that count the other way.")
+@click.option("--reversed", metavar="A,B", hidden=True, help="Joints that count the other way.")
 @click.option("--order", metavar="A,B,…", hidden=True, help="All joints as logs have them.")
 @click.option("--scale", metavar="JOINT=FACTOR", multiple=True, help="Multiply logged torques of a joint, or of 'all'.")
 @click.option("--payload", "payloads", metavar="LOG=KG@X,Y,Z", multiple=True, help=PAYLOAD_HELP)
@@ -88,39 +83,13 @@ class LogsCommand(click.Command):
     "--window", type=click.FloatRange(0.001, 100.0), metavar="S", hidden=True, help="Length of windows, in s."
 )
 @click.option("--delay", type=click.FloatRange(-1.0, 1.0), metavar="S", help="Of the torques, in s; else found.")
-@click.option("-o", "outputs", type=click.Path(path_type=Path), multiple=True, help=MODEL_HELP)
-@click.option("--report", type=click.Path(path_type=Path), metavar="FILE.html", help="Write one page with figures.")
+@click.option("-o", "outputs", type=PATH, multiple=True, help=MODEL_HELP)
+@click.option("--report", type=PATH, metavar="FILE.html", help="Write one page with figures.")
 @click.option("--even-if-not-found", is_flag=True, help="Print numbers and write files all the same.")
 @click.option("--all", "whole", is_flag=True, help="Print every parameter, and what was tried.")
 @json_option
 def estimate(
-    logs: tuple[Path, ...],
-    nominal: str,
-    others: tuple[Path, ...],
-    law: str | None,
-    joints: str | None,
-    friction: str | None,
-    couples: tuple[str, ...],
-    absolute: tuple[str, ...],
-    columns: tuple[str, ...],
-    rate: float | None,
-    topic: str | None,
-    untrusted: str | None,
-    turned: str | None,
-    order: str | None,
-    scale: tuple[str, ...],
-    payloads: tuple[str, ...],
-    zero: tuple[str, ...],
-    leave_out: tuple[str, ...],
-    gravity: str | None,
-    zeros: bool | None,
-    window: float | None,
-    delay: float | None,
-    outputs: tuple[Path, ...],
-    report: Path | None,
-    even_if_not_found: bool,
-    whole: bool,
-    as_json: bool,
+    outputs: tuple[Path, ...], report: Path | None, even_if_not_found: bool, whole: bool, as_json: bool, **asked: Any
 ) -> int:
     """Identify a robot from logs of its motion. Each is a run, as CSV, Parquet, .mat, .npz, .json or a ROS bag: a time,
     and of each joint angle, torque and perhaps speed. `double-pendulum` is three. Exit status 3: not found.
@@ -128,38 +97,13 @@ def estimate(
     from metaid.exporting import SUFFIXES
     from metaid.recorded import estimate as estimated
 
-    terms = None if friction is None else [term for term in friction.split(",") if term and friction != "none"]
-    pairs = [_pair(text) for text in couples]
     for output in outputs:
         refuse_output(output, (*SUFFIXES, *FIGURE_SUFFIXES))
         if output.suffix in FIGURE_SUFFIXES:
             figure_of(output)
     if report is not None:
         refuse_output(report, (".html",), "--report")
-    result = estimated(
-        logs,
-        nominal,
-        validate=others,
-        joints=names_of(joints),
-        payloads=[_payload(text) for text in payloads],
-        law=law,
-        friction=terms,
-        coupled=pairs,
-        absolute=absolute,
-        scale=numbers(scale, "--scale"),
-        zero=numbers(zero, "--zero"),
-        gravity=None if gravity is None else _vector(gravity),
-        window=window,
-        delay=delay,
-        zeros=zeros,
-        columns=dict(map(_meaning, columns)),
-        topic=topic,
-        rate=rate,
-        untrusted=() if untrusted is None else untrusted.split(","),
-        reversed=() if turned is None else turned.split(","),
-        order=names_of(order),
-        leave_out=_stretches(leave_out),
-    )
+    result = estimated(**{name: READ[name](given) if name in READ else given for name, given in asked.items()})
     warn(result.nominal_repairs)
     has_numbers = result.verdict.is_found or even_if_not_found
     models = [output for output in outputs if output.suffix not in FIGURE_SUFFIXES]
@@ -247,10 +191,39 @@ def _stretches(texts: tuple[str, ...]) -> dict[str, list[tuple[float, float]]]:
     return stretches
 
 
-def _vector(text: str) -> tuple[float, ...]:
+def _vector(text: str | None) -> tuple[float, ...] | None:
     """`X,Y,Z` as three numbers."""
+    if text is None:
+        return None
     try:
         x, y, z = (float(each) for each in text.split(","))
     except ValueError:
         raise click.UsageError(f"--gravity '{text}' (allowed: three numbers, as 0,0,-9.81)") from None
     return x, y, z
+
+
+def _terms(text: str | None) -> list[str] | None:
+    """`A,B` as terms of friction; none of them where it is `none`."""
+    return None if text is None else [term for term in text.split(",") if term and text != "none"]
+
+
+def _split(text: str | None) -> list[str]:
+    """`A,B` as names of joints."""
+    return [] if text is None else text.split(",")
+
+
+# What the texts of options mean, by the parameter of `metaid.estimate`; the others are what click makes of them.
+READ: dict[str, Callable[[Any], Any]] = {
+    "joints": names_of,
+    "payloads": lambda texts: [_payload(text) for text in texts],
+    "friction": _terms,
+    "coupled": lambda texts: [_pair(text) for text in texts],
+    "scale": lambda texts: numbers(texts, "--scale"),
+    "zero": lambda texts: numbers(texts, "--zero"),
+    "gravity": _vector,
+    "columns": lambda texts: dict(map(_meaning, texts)),
+    "untrusted": _split,
+    "reversed": _split,
+    "order": names_of,
+    "leave_out": _stretches,
+}
