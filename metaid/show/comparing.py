@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from metaid.results import Comparison
 from metaid.show.figures import comparison_figure
-from metaid.show.pages import PageFigure, filled_in, inline_svg
+from metaid.show.figures.style import WIDTHS
+from metaid.show.pages import filled_in, page_figure
 
 
 def render_comparison(found: Comparison) -> str:
     """The page."""
-    wide, narrow = (inline_svg(comparison_figure(found, width), f"{width}-") for width in ("page", "column"))
     caption = "What each study found of each lump, with its interval"
     caption += (
         ", as a deviation from the truth."
         if found.knows_truth
         else ", as a deviation from the first study that found it."
     )
-    figure = PageFigure("comparison", caption, wide, narrow)
+    figure = page_figure("comparison", caption, *(comparison_figure(found, width) for width in WIDTHS))
     return filled_in("comparison.html", names=found.names, figure=figure, **found.summary())

@@ -22,7 +22,7 @@ def render_log(found: RecordedResult, command: str = "", files: Sequence[FileErr
         joints=_joints(found, summary),
         has_zeros=found.estimate.equations.zeros,
         settings=_settings(summary),
-        figures=page_figures(gallery.pictures("page"), gallery.pictures("column")),
+        figures=page_figures(gallery),
         expressions={row["name"]: row["expression"] for row in summary["parameters"] if row["expression"]},
         command=command,
     )

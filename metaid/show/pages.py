@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 import platform
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import metadata
 from typing import Any
@@ -19,7 +19,9 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 import metaid
-from metaid.show.figures import INK, Picture, laid_out, said_in, style, with_titles
+from metaid.show.figures import INK, laid_out, said_in, style, with_titles
+from metaid.show.figures.gallery import Pictures
+from metaid.show.figures.style import WIDTHS
 
 VERSIONS_OF = ("mujoco-core", "numba", "numpy", "cmaes", "optuna", "matplotlib")
 Watch = Callable[[str], None]
@@ -77,16 +79,19 @@ def _labelled(table: re.Match[str]) -> str:
     return re.sub(r"<tr>(<td>.*?)</tr>", row, table[0], flags=re.DOTALL)
 
 
-def page_figures(
-    page: Iterable[Picture], column: Iterable[Picture], watch: Watch = lambda what: None
-) -> list[PageFigure]:
-    """The same figures at the width of a `page` and of a `column`, ready for the page; `watch` is told of each."""
+def page_figures(gallery: Pictures, watch: Watch = lambda what: None) -> list[PageFigure]:
+    """All figures of a `gallery`, ready for the page; `watch` is told of each."""
     drawn: list[PageFigure] = []
-    for wide, narrow in zip(page, column, strict=True):
-        watch(f"figure {len(drawn) + 1}, {wide.name}")
-        svgs = (inline_svg(each.figure, f"{wide.name}-{name}-") for name, each in (("wide", wide), ("narrow", narrow)))
-        drawn.append(PageFigure(wide.name, wide.caption, *svgs))
+    for name in gallery.makers:
+        watch(f"figure {len(drawn) + 1}, {name}")
+        wide, narrow = (gallery.picture(name, width) for width in WIDTHS)
+        drawn.append(page_figure(name, wide.caption, wide.figure, narrow.figure))
     return drawn
+
+
+def page_figure(name: str, caption: str, wide: Figure, narrow: Figure) -> PageFigure:
+    """A figure as wide as a page, and the same as `narrow` as a column, ready for the page."""
+    return PageFigure(name, caption, inline_svg(wide, f"{name}-wide-"), inline_svg(narrow, f"{name}-narrow-"))
 
 
 def inline_svg(figure: Figure, prefix: str) -> Markup:

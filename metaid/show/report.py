@@ -18,8 +18,9 @@ from metaid.results import (
     estimate_texts,
     shown_rows,
 )
-from metaid.show.figures import COLUMN, PAGE, Gallery, sketch
-from metaid.show.pages import PageFigure, Watch, filled_in, inline_svg, page_figures
+from metaid.show.figures import Gallery, sketch
+from metaid.show.figures.style import WIDTHS
+from metaid.show.pages import PageFigure, Watch, filled_in, page_figure, page_figures
 from metaid.show.words import (
     episode_words,
     joint_rows,
@@ -40,7 +41,7 @@ WIDEST = 0.02  # of a lump's value: a wider range is reported
 def render(found: Findings, watch: Watch = lambda what: None) -> str:
     """The page. `watch` is told which figure is drawn next.  Raises StorageError where there is nothing to show yet."""
     gallery = Gallery(found)
-    return page(found, gallery, page_figures(gallery.pictures("page"), gallery.pictures("column"), watch))
+    return page(found, gallery, page_figures(gallery, watch))
 
 
 def page(found: Findings, gallery: Gallery, drawn: Sequence[PageFigure]) -> str:
@@ -105,11 +106,8 @@ def settings(found: Findings) -> dict[str, str]:
 def plant_picture(found: Findings) -> PageFigure:
     """A sketch of the plant, or of the nominal model where the plant is not to be shown."""
     plant = found.problem.open_plant() if shows_plant(found) else found.problem.robot.nominal_plant()
-    widths = {"wide": PAGE, "narrow": COLUMN}
-    wide, narrow = (
-        inline_svg(sketch(plant, found.problem.episode, width), f"plant-{name}-") for name, width in widths.items()
-    )
-    return PageFigure("plant", plant_caption(found), wide, narrow)
+    drawn = (sketch(plant, found.problem.episode, width) for width in WIDTHS.values())
+    return page_figure("plant", plant_caption(found), *drawn)
 
 
 def errors(found: Findings) -> list[dict[str, Any]]:

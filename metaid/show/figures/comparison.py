@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from metaid.show.figures.style import COLOURS, COLUMN, INK, PAGE, new_axes, say_at, style
+from metaid.show.figures.style import COLOURS, INK, WIDTHS, new_axes, say_at, style
 
 if TYPE_CHECKING:  # figures of logs do without studies
     from metaid.results import Comparison
@@ -52,6 +52,6 @@ def comparison_figure(found: Comparison, width: str = "page") -> Figure:
     """The same as a figure of a journal's `width`, "page" or "column"."""
     with style():
         rows = len(found.lump_names) * max(0.2, 0.08 * len(found.names))
-        figure = Figure(figsize=(PAGE if width == "page" else COLUMN, max(1.2 + rows, 2.4)), layout="constrained")
+        figure = Figure(figsize=(WIDTHS[width], max(1.2 + rows, 2.4)), layout="constrained")
         plot_comparison(found, figure.subplots())
     return figure

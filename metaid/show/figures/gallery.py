@@ -20,7 +20,7 @@ from metaid.show.figures.landscape import plot_boundary, plot_parallel, plot_swe
 from metaid.show.figures.lumps import plot_correlation, plot_known, plot_ranges
 from metaid.show.figures.panels import pair_of_panels, pairs_of_panels, panels, share_legend, square
 from metaid.show.figures.search import plot_convergence, plot_error, plot_factor
-from metaid.show.figures.style import COLUMN, PAGE, style
+from metaid.show.figures.style import WIDTHS, style
 from metaid.show.figures.tracking import plot_tracking
 
 if TYPE_CHECKING:
@@ -33,7 +33,6 @@ FEWEST = 2  # trials at least for a line over them; and a lump for the correlati
 PUSHES = 6  # pushes at most in a figure of two panels each
 LINE = 0.14  # inches, of a base parameter
 SWEPT, GRID = 61, 36  # factors along a line, and along each side of a plane
-WIDTHS = {"page": PAGE, "column": COLUMN}  # inches
 
 
 @dataclass(frozen=True)
@@ -45,13 +44,17 @@ class Picture:
     figure: Figure
 
 
+Drawn = tuple[Figure, str]  # a figure and its caption
+Maker = Callable[[float], Drawn]  # draws one so many inches wide
+
+
 class Pictures(ABC):
     """The figures that there are of what was found."""
 
     @property
     @abstractmethod
-    def makers(self) -> dict[str, Callable[[float], Picture]]:
-        """What makes each of them at a width in inches, by its name."""
+    def makers(self) -> dict[str, Maker]:
+        """What makes each of them, by its name."""
 
     def pictures(self, width: str = "page") -> Iterator[Picture]:
         """One after another, for a `width` of "page" or "column"."""
@@ -61,7 +64,8 @@ class Pictures(ABC):
     def picture(self, name: str, width: str = "page") -> Picture:
         """The one of that `name`, for a `width` of "page" or "column"."""
         with style():
-            return self.makers[name](WIDTHS[width])
+            figure, caption = self.makers[name](WIDTHS[width])
+        return Picture(name, caption, figure)
 
 
 class Gallery(Pictures):
@@ -95,7 +99,7 @@ class Gallery(Pictures):
         return self.found.objective()
 
     @cached_property
-    def makers(self) -> dict[str, Callable[[float], Picture]]:
+    def makers(self) -> dict[str, Maker]:
         """What makes each figure that there is, by its name. A rig is not moved for a picture: those that need more
         episodes are left out.
         """
@@ -190,96 +194,89 @@ class Gallery(Pictures):
         """Evenly spaced factors (count) of a lump, from its lower to its upper bound."""
         return np.linspace(self.found.problem.low[lump], self.found.problem.high[lump], count)
 
-    def _convergence(self, width: float) -> Picture:
+    def _convergence(self, width: float) -> Drawn:
         caption = "The measure of every survivor, and the best so far"
         caption += "; falls are marked along the top." if len(self.found.falls) else "."
         if not self.found.error_curves(self.found.bests[-1:]):
             figure = Figure(figsize=(width, 2.6), layout="constrained")
             plot_convergence(self.found, figure.subplots())
-            return Picture("convergence", caption, figure)
+            return figure, caption
         figure, (left, right) = pair_of_panels(width, (1, 1))
         plot_convergence(self.found, left)
         plot_error(self.found, right)
         if self.found.nominal_error is None:
             caption += " The other panel has the largest error of a lump of the best candidate, which the search never"
-            return Picture("convergence", f"{caption} sees.", figure)
+            return figure, f"{caption} sees."
         share_legend(figure, [left, right])
         caption += (
             " The other panel has how wrong the arm of the best trial is on states that no trial has seen, which no "
             "search sees."
         )
-        return Picture("convergence", caption, figure)
+        return figure, caption
 
-    def _factors(self, width: float) -> Picture:
+    def _factors(self, width: float) -> Drawn:
         figure, axes = panels(width, len(self.names))
         for lump, panel in zip(self.names, axes, strict=True):
             plot_factor(self.found, lump, panel)
         share_legend(figure, axes)
         what = f"{self.found.sought.noun}, as {self.found.sought.axis}"
-        return Picture("factors", f"Each {what}, over the trials.{self._how_many}", figure)
+        return figure, f"Each {what}, over the trials.{self._how_many}"
 
-    def _frequency(self, width: float) -> Picture:
+    def _frequency(self, width: float) -> Drawn:
         figure, axes = panels(width, len(self.names))
         for swept, panel in zip(self.sweeps, axes, strict=True):
             plot_sweep(self.found, swept, panel)
         share_legend(figure, axes)
-        caption = f"The measure against one lump's factor, the other lumps at their best.{self._how_many}"
-        return Picture("frequency", caption, figure)
+        return figure, f"The measure against one lump's factor, the other lumps at their best.{self._how_many}"
 
     @property
     def _how_many(self) -> str:
         shown, all_of_them = len(self.names), len(self.found.names)
         return "" if shown == all_of_them else f" The first {shown} of {all_of_them}."
 
-    def _ranges(self, width: float) -> Picture:
+    def _ranges(self, width: float) -> Drawn:
         height = max(1.2 + 0.2 * len(self.found.known_lumps), LEAST_HEIGHT)
         figure = Figure(figsize=(width, height), layout="constrained")
         plot_ranges(self.found, figure.subplots())
-        caption = "Each lump's range over the trials that the measure cannot tell from the best one."
         if self.found.verdict.source == "estimate":
-            caption = f"Each lump's {self.found.interval_name} by the estimate from all trials."
-        return Picture("ranges", caption, figure)
+            return figure, f"Each lump's {self.found.interval_name} by the estimate from all trials."
+        return figure, "Each lump's range over the trials that the measure cannot tell from the best one."
 
-    def _known(self, width: float) -> Picture:
+    def _known(self, width: float) -> Drawn:
         figure = Figure(figsize=(width, 1.0 + LINE * len(self.found.lumps)), layout="constrained")
         share_legend(figure, [plot_known(self.found, figure.subplots())])
-        caption = "How well each base parameter is known, as a share of how wrong it may have been beforehand."
-        return Picture("known", caption, figure)
+        return figure, "How well each base parameter is known, as a share of how wrong it may have been beforehand."
 
-    def _tracking(self, width: float) -> Picture:
+    def _tracking(self, width: float) -> Drawn:
         assert self.found.validation is not None
         figure = Figure(figsize=(width, 2.6), layout="constrained")
         share_legend(figure, [plot_tracking(self.found.validation, figure.subplots())])
-        caption = "Computed torque along smooth sinusoids with each model, the feedback the same."
-        return Picture("tracking", caption, figure)
+        return figure, "Computed torque along smooth sinusoids with each model, the feedback the same."
 
-    def _boundary(self, width: float) -> Picture:
+    def _boundary(self, width: float) -> Drawn:
         figure = Figure(figsize=(width, 3.6), layout="constrained")
         plot_boundary(self.found, *self.over, figure.subplots(), self.boundary)
         share_legend(figure, figure.axes)
-        caption = (
+        return figure, (
             f"Falls and survivors over {self.over[0]} and {self.over[1]}. Shaded: candidates fall there whose other "
             "lumps are the best one's; trials had others, so they may fall or survive elsewhere."
             if self.boundary is not None
             else f"Falls and survivors over {self.over[0]} and {self.over[1]}."
         )
-        return Picture("boundary", caption, figure)
 
-    def _parallel(self, width: float) -> Picture:
+    def _parallel(self, width: float) -> Drawn:
         figure = Figure(figsize=(width, 3.2), layout="constrained")
         plot_parallel(self.found, figure.subplots())
         share_legend(figure, figure.axes[:1])
-        caption = "Trials as lines over the lumps' factors; the colour is the measure, falls are dotted."
-        return Picture("parallel", caption, figure)
+        return figure, "Trials as lines over the lumps' factors; the colour is the measure, falls are dotted."
 
-    def _correlation(self, width: float) -> Picture:
+    def _correlation(self, width: float) -> Drawn:
         figure = square(width, len(self.found.names))
         plot_correlation(self.found, figure.subplots())
-        caption = (
+        return figure, (
             "Correlation of the lumps' factors over the best trials: "
             "near 1 or −1 a combination of two lumps is known better than either."
         )
-        return Picture("correlation", caption, figure)
 
     @cached_property
     def replay(self) -> Replay:
@@ -289,7 +286,7 @@ class Gallery(Pictures):
         parts = {part: getattr(whole, part)[..., hinges] for part in ("seen", "simulated", "noise")}
         return replace(whole, **parts, joints=tuple(np.array(whole.joints)[hinges].tolist()))
 
-    def _motion(self, width: float) -> Picture:
+    def _motion(self, width: float) -> Drawn:
         assert self.found.estimate is not None
         titles = self.found.problem.robot.push_titles
         pushes = np.unique(np.linspace(0, len(titles) - 1, PUSHES).round().astype(int)).tolist()
@@ -307,49 +304,45 @@ class Gallery(Pictures):
             "each push the difference."
         )
         more = "" if len(pushes) == len(titles) else f" {len(pushes)} of {len(titles)} pushes."
-        return Picture("estimate-motion", caption + more, figure)
+        return figure, caption + more
 
-    def _residuals(self, width: float) -> Picture:
+    def _residuals(self, width: float) -> Drawn:
         assert self.found.estimate is not None
         figure = Figure(figsize=(width, 2.4), layout="constrained")
         plot_residuals(self.found.estimate, figure.subplots())
-        caption = (
+        if self.found.estimate.estimate.counts is not None:
+            return figure, "By how much the twin's counts of half periods differ from the plant's, by push and joint."
+        return figure, (
             "By how much the twin's motion differs from what was seen, by push and joint over all trials of the "
             "estimate, scaled by what noise or rounding explains."
         )
-        if self.found.estimate.estimate.counts is not None:
-            caption = "By how much the twin's counts of half periods differ from the plant's, by push and joint."
-        return Picture("estimate-residuals", caption, figure)
 
-    def _covariance(self, width: float) -> Picture:
+    def _covariance(self, width: float) -> Drawn:
         assert self.found.estimate is not None
         figure = square(width, len(self.found.estimate.estimate.names))
         plot_covariance(self.found.estimate, figure.subplots())
         noun = self.found.sought.noun
-        caption = (
+        return figure, (
             f"Correlation of the {noun}s by the covariance of the estimate: "
             f"near 1 or −1 a combination of two {noun}s is known better than either."
         )
-        return Picture("estimate-correlation", caption, figure)
 
-    def _growth(self, width: float) -> Picture:
+    def _growth(self, width: float) -> Drawn:
         assert self.found.estimate is not None
         true = self.found.problem.robot.true_values(
             self.found.problem.robot.estimated
         )  # the truth meets the result in reports alone
         figure = Figure(figsize=(width, 2.4), layout="constrained")
         plot_growth(self.found.estimate, None if np.isnan(true).any() else true, figure.subplots())
-        caption = (
+        return figure, (
             f"How well the estimate from the first trials alone knows the {self.found.sought.noun}s: the largest "
             "standard deviation and, where the truth is known, the largest error."
         )
-        return Picture("estimate-trials", caption, figure)
 
-    def _episode(self, width: float) -> Picture:
+    def _episode(self, width: float) -> Drawn:
         figure, (left, right) = pair_of_panels(width, (3, 2))
         plot_angles(self.trajectory, self.found.problem.timestep, left)
         plot_phase(self.trajectory, right)
-        caption = (
+        return figure, (
             "Joint angles and phase portrait of the best candidate after the last push; exactly compensated, it coasts."
         )
-        return Picture("episode", caption, figure)

@@ -37,6 +37,7 @@ LINE_VALUES = LinearSegmentedColormap.from_list("line values", (COLOURS[0], "#8f
 MANY = 600  # marks; more are drawn as pixels inside a vector file
 DPI = 200  # of pixels in any file
 COLUMN, PAGE = 3.5, 7.0  # inches: one column of a journal, and two
+WIDTHS = {"page": PAGE, "column": COLUMN}
 
 POINTER = 8.0  # points, of the unseen marks that a pointer has to hit
 ON_TOP = 10.0  # of all that is drawn: a pointer hits what is on top
