@@ -21,11 +21,11 @@ if TYPE_CHECKING:
     from rich.segment import Segment
 
     from metaid.cli.layout import Column, Layout
-    from metaid.models import Lumps
     from metaid.store import Store
 
 
 FIGURE_SUFFIXES = (".png", ".pdf", ".svg")
+NOT_FOUND = 3  # exit status where trials are spent, or logs are read, without a result
 PATH = click.Path(path_type=Path)
 
 
@@ -239,20 +239,6 @@ def _print_entries(columns: Sequence[Column]) -> None:
         for column, cell in zip(columns, row, strict=True):
             say(f"  {column.heading}: {cell}" if column.heading else f"  {cell}")
         say("")
-
-
-def lump_rows(lumps: Lumps) -> list[dict[str, Any]]:
-    """True lumps as `plant show --json` has them."""
-    from metaid.models import lump_unit
-
-    named = zip(lumps.names, lumps.vector.tolist(), strict=True)
-    return [{"name": name, "unit": lump_unit(name), "true": value} for name, value in named]
-
-
-def print_lumps(title: str, lumps: Sequence[dict[str, Any]]) -> None:
-    """Prints true lumps, as `lump_rows` has them, as a table with that `title`."""
-    rows = [[lump["name"], number_text(lump["true"]), lump["unit"]] for lump in lumps]
-    print_table(title, ["lump", "value", "unit"], rows, words=["unit"])
 
 
 def one_line(text: str) -> str:

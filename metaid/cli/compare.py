@@ -11,7 +11,6 @@ from metaid.cli.common import (
     PATH,
     json_option,
     number_text,
-    open_store,
     print_json,
     print_table,
     say,
@@ -35,10 +34,9 @@ Example:
 @click.option("-o", "output", type=PATH, help="A figure (.png, .pdf, .svg), or a page with all (.html).")
 def compare(names: tuple[str, ...], storage: str, as_json: bool, output: Path | None) -> None:
     """Studies of the same plant beside one another: what each took, and what it found of each lump."""
-    from metaid.results import compare as compared
+    from metaid import api
 
-    with open_store(storage) as store:
-        found = compared(store, names)
+    found = api.compare(*names, storage=storage)
     if output is not None:
         with whole_file(output, (*FIGURE_SUFFIXES, ".html")) as partial:
             if output.suffix == ".html":

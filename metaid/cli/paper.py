@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +43,7 @@ def _table(number: int, as_json: bool, output: Path | None) -> None:
     from metaid.paper import LIKE, PURE, run_table
 
     rows = run_table(number)
-    _draw(output, lambda path: _figures().draw_table(rows, path))
+    _draw(output, "table", rows)
     if as_json:
         print_json(rows)
         return
@@ -82,7 +82,7 @@ def fig4(as_json: bool, output: Path | None) -> None:
     from metaid.paper import show_fig4
 
     shown = show_fig4()
-    _draw(output, lambda path: _figures().draw_fig4(path))
+    _draw(output, "fig4")
     if as_json:
         print_json(shown)
         return
@@ -111,7 +111,7 @@ def sweep(as_json: bool, output: Path | None) -> None:
     from metaid.paper import run_sweep
 
     rows = run_sweep()
-    _draw(output, lambda path: _figures().draw_sweep(rows, path))
+    _draw(output, "sweep", rows)
     if as_json:
         print_json(rows)
         return
@@ -128,16 +128,13 @@ def sweep(as_json: bool, output: Path | None) -> None:
     print_table("Periods of two links over f_m1; pure after a small push", columns, shown)
 
 
-def _figures() -> Any:
-    from metaid.paper import figures
-
-    return figures
-
-
-def _draw(output: Path | None, draw: Callable[[Path], None]) -> None:
+def _draw(output: Path | None, what: str, *shown: Any) -> None:
+    """Writes the picture of `what` is shown."""
     if output is not None:
+        from metaid.paper import figures
+
         with whole_file(output, FIGURE_SUFFIXES) as partial:
-            draw(partial)
+            getattr(figures, f"draw_{what}")(*shown, partial)
 
 
 def _periods(periods: Sequence[int], falls: bool = False) -> str:

@@ -52,16 +52,15 @@ def plot(name: str, storage: str, folder: Path, ending: str, width: str, over: t
     Of an arm also how well base parameters are known. A file each, named after what it shows, at the width of a
     journal's page or column.
     """
-    from metaid.results import read_findings
+    from metaid import api
     from metaid.show.figures import Gallery, save
 
-    with open_store(storage) as store:
-        gallery = Gallery(read_findings(store, name), over)
-        try:
-            folder.mkdir(exist_ok=True)
-        except OSError as problem:
-            raise MetaidError(f"{folder}: {problem.strerror}") from None
-        shown = list(gallery.pictures(width))
+    gallery = Gallery(api.load_findings(name, storage), over)
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as problem:
+        raise MetaidError(f"{folder}: {problem.strerror}") from None
+    shown = list(gallery.pictures(width))
     for picture in shown:
         with whole_file(folder / f"{picture.name}.{ending}", FIGURE_SUFFIXES) as partial:
             save(picture.figure, partial)
@@ -74,11 +73,11 @@ def plot(name: str, storage: str, folder: Path, ending: str, width: str, over: t
 @click.option("-o", "output", type=PATH, required=True, help="FILE.html.")
 def report(name: str, storage: str, output: Path) -> None:
     """Write one self-contained page: what was searched, what was found, figures, cost, how to repeat it."""
-    from metaid.results import read_findings
+    from metaid import api
     from metaid.show import render
 
-    with open_store(storage) as store, whole_file(output, (".html",)) as partial, working("estimate") as watch:
-        partial.write_text(render(read_findings(store, name), watch), encoding="utf-8")
+    with whole_file(output, (".html",)) as partial, working("estimate") as watch:
+        partial.write_text(render(api.load_findings(name, storage), watch), encoding="utf-8")
     say(f"the report of '{name}' is {output}")
 
 

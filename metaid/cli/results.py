@@ -103,14 +103,14 @@ def validate(name: str, storage: str, pushes: int, seed: int, as_json: bool, out
 @click.option("-o", "output", type=PATH, required=True, help="FILE.csv or FILE.parquet.")
 def export(name: str, storage: str, output: Path) -> None:
     """Write every trial to a file: state, value, generation, steps, periods per joint, factors."""
-    from metaid.results import trials_frame
+    from metaid import api
 
     if output.suffix == ".parquet":
         with optional_packages("parquet"):
             import pyarrow  # noqa: F401, pandas writes with it
 
-    with open_store(storage) as store, whole_file(output, (".csv", ".parquet")) as partial:
-        frame = trials_frame(store, name)
+    with whole_file(output, (".csv", ".parquet")) as partial:
+        frame = api.trials(name, storage)
         if output.suffix == ".csv":
             frame.to_csv(partial, index=False)
         else:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import singledispatch
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from metaid.cli.common import lump_rows, number_text, print_json, print_lumps, print_table, warn
-from metaid.models import lump_names, lump_unit
+from metaid.cli.common import number_text, print_json, print_table, warn
+from metaid.models import Array, lump_names, lump_unit
 from metaid.models.tree import PARAMETERS, planar_chain
 from metaid.plant import ArmPlant, ArmSettings, MujocoPlant, PlantSettings, SocketSettings
 
@@ -26,15 +27,13 @@ def _chain(settings: PlantSettings, name: str, as_json: bool) -> None:
     """Its links, and its true lumps where it knows them."""
     shown = MujocoPlant(name, settings)
     warn([shown.question])
-    chain, truth = shown.chain, shown.true_lumps()
+    chain, own = shown.chain, shown.chain.lumps_of(shown.chain.kinds)
     columns = ("length", "mass", "com", "inertia", "damping", "coulomb", "stiffness")
     links = [
         dict(zip(columns, map(float, row), strict=True))
         for row in zip(*(getattr(chain, column) for column in columns), strict=True)
     ]
-    lumps = lump_rows(chain.lumps_of(chain.kinds))
-    if truth is None:
-        lumps = [{**lump, "true": None} for lump in lumps]
+    lumps = _lump_rows(own.names, None if shown.true_lumps() is None else own.vector)
     if as_json:
         common = {key: getattr(shown.settings, key) for key in ("gravity", "timestep", "over_compensation")}
         faults = shown.settings.faults.model_dump(mode="json")
@@ -54,18 +53,17 @@ def _chain(settings: PlantSettings, name: str, as_json: bool) -> None:
         + "".join(f"; {name} {value}" for name, value in shown.settings.faults.named.items()),
         dispensable=dispensable,
     )
-    print_lumps("True lumps", lumps)
+    _print_lumps("True lumps", lumps)
 
 
 @show.register
 def _rig(settings: SocketSettings, name: str, as_json: bool) -> None:
     """What is known of a plant behind a socket; it is not called for that."""
-    names = lump_names(settings.joints)
+    names, known = lump_names(settings.joints), settings.model_dump(exclude={"description"})
     if as_json:
-        lumps = [{"name": lump, "unit": lump_unit(lump), "true": None} for lump in names]
-        print_json({"plant": name, **settings.model_dump(exclude={"description"}), "links": [], "lumps": lumps})
+        print_json({"plant": name, **known, "links": [], "lumps": _lump_rows(names, None)})
         return
-    rows = [[key, str(value)] for key, value in settings.model_dump(exclude={"description"}).items()]
+    rows = [[key, str(value)] for key, value in known.items()]
     note = f"This plant is a rig, so its {len(names)} true lumps are not known."
     print_table(f"{name}: {settings.description}", ["setting", "value"], rows, note, words=["value"])
 
@@ -89,7 +87,8 @@ def _arm(settings: ArmSettings, name: str, as_json: bool) -> None:
         for i, name in enumerate(tree.names)
     ]
     chain = planar_chain(tree) if settings.truth_known else None
-    lumps = [] if chain is None else lump_rows(chain.lumps_of(chain.kinds))
+    own = None if chain is None else chain.lumps_of(chain.kinds)
+    lumps = [] if own is None else _lump_rows(own.names, own.vector)
     warn(arm.repairs)
     if as_json:
         common: dict[str, Any] = {settings.kind: settings.file, "lost_meshes": lost, "gravity": tree.gravity.tolist()}
@@ -138,7 +137,18 @@ def _arm(settings: ArmSettings, name: str, as_json: bool) -> None:
     note += " Of a slide: kg, N s/m, N." if tree.slides.any() else ""
     print_table("Links", heading, rows, note, dispensable=[*heading[:3:-1], heading[3]])
     if lumps:
-        print_lumps("True lumps of a planar chain", lumps)
+        _print_lumps("True lumps of a planar chain", lumps)
+
+
+def _lump_rows(names: Sequence[str], true: Array | None) -> list[dict[str, Any]]:
+    """The lumps of those `names` as `plant show --json` has them; None where they are not known."""
+    values = [None] * len(names) if true is None else true.tolist()
+    return [{"name": name, "unit": lump_unit(name), "true": value} for name, value in zip(names, values, strict=True)]
+
+
+def _print_lumps(title: str, lumps: Sequence[dict[str, Any]]) -> None:
+    rows = [[lump["name"], number_text(lump["true"]), lump["unit"]] for lump in lumps]
+    print_table(title, ["lump", "value", "unit"], rows, words=["unit"])
 
 
 def _finite(value: float) -> float | None:

@@ -10,6 +10,7 @@ import click
 
 from metaid.cli.checks.until import describe_reached, share
 from metaid.cli.common import (
+    NOT_FOUND,
     Group,
     json_option,
     open_store,
@@ -21,8 +22,6 @@ from metaid.cli.common import (
 from metaid.cli.interrupted import Interruption
 from metaid.cli.printed import print_study
 from metaid.errors import StorageError, StudyError, printable
-
-NOT_FOUND = 3  # exit status of a run whose trials are spent without a result
 
 if TYPE_CHECKING:
     from metaid.study import Progress, StudySpec

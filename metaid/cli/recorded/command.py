@@ -10,6 +10,7 @@ import click
 
 from metaid.cli.common import (
     FIGURE_SUFFIXES,
+    NOT_FOUND,
     PATH,
     json_option,
     names_of,
@@ -32,7 +33,6 @@ NOMINAL_HELP = "A plant's name or file, an MJCF or URDF."
 PAYLOAD_HELP = "A log with this weight, which tells drives' gains."
 FRICTION_HELP = "As viscous,coulomb,spring; a wrong one lists all."
 ABSOLUTE_HELP = "Read against the base; JOINT:motor: torque, too."
-NOT_FOUND = 3  # exit status
 
 
 class LogsCommand(click.Command):
