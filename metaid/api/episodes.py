@@ -12,7 +12,7 @@ from metaid.episode import Episode, Outcome, tip_push
 from metaid.errors import EpisodeError
 from metaid.models import LARGEST_FACTOR, Array, Lumps, factors_from_names
 from metaid.models.tree import ArmPrior
-from metaid.plant import ArmPlant, MujocoPlant, load_chain, load_plant
+from metaid.plant import ArmPlant, MujocoPlant, load_plant
 from metaid.study import (
     COUNTING_STEPS,
     TIP_SPEED,
@@ -30,22 +30,20 @@ if TYPE_CHECKING:
 ARM_STEPS = 150  # after a push of an arm: as long as those of a study
 
 
-def episode_objective(
-    plant: str | Path | MujocoPlant, steps: int = COUNTING_STEPS, peak_speed: float = TIP_SPEED
-) -> Objective:
-    """An objective of one push at the tip that gives the fastest link `peak_speed` (rad/s), in factors of the plant's
-    own lumps.
+def episode_objective(plant: MujocoPlant, steps: int | None = None) -> Objective:
+    """An objective of one small push at the tip, in factors of the plant's own lumps, with the usual number of `steps`
+    where none is stated.
     """
     from metaid.compiled import Objective
 
-    plant = plant if isinstance(plant, MujocoPlant) else load_chain(plant)
     lumps = plant.true_lumps()
     if lumps is None:
         raise EpisodeError(
             f"plant {plant.name} does not report its lumps, so there are no factors of them: "
             "make a study with a nominal model"
         )
-    return Objective(plant, lumps, Episode(tip_push(plant, peak_speed), steps), "crossing")
+    episode = Episode(tip_push(plant, TIP_SPEED), COUNTING_STEPS if steps is None else steps)
+    return Objective(plant, lumps, episode, "crossing")
 
 
 def check_factors(factors: Mapping[str, float], lumps: Lumps) -> Array:
@@ -95,7 +93,7 @@ def perturb(
     """
     loaded = load_plant(plant) if isinstance(plant, str | Path | Mapping) else plant
     if isinstance(loaded, MujocoPlant):
-        objective = episode_objective(loaded, COUNTING_STEPS if steps is None else steps)
+        objective = episode_objective(loaded, steps)
         return objective.summary(check_factors(factors or {}, objective.nominal))
     return arm_push(loaded, factors or {}, steps, seed, nominal).summary()
 

@@ -15,7 +15,7 @@ from metaid.compiled import ArmPush, Objective
 from metaid.models import Array
 from metaid.models.tree import Tree
 from metaid.plant import ArmPlant, MujocoPlant
-from metaid.study import COUNTING_STEPS, Problem
+from metaid.study import Problem
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ def look_at(
         return _of_arm(plant, api.arm_push(plant, factors, steps, seed or 0, nominal))
     if given := [option for option, value in (("--seed", seed), ("--nominal", nominal)) if value is not None]:
         raise click.UsageError(f"{given[0]} is of an arm, and plant {plant.name} is a planar chain (allowed: --factor)")
-    objective = api.episode_objective(plant, COUNTING_STEPS if steps is None else steps)
+    objective = api.episode_objective(plant, steps)
     return _of_chain(objective, api.check_factors(factors, objective.nominal))
 
 

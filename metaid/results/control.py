@@ -43,8 +43,6 @@ def smooth_sinusoids(
     njoint: int,
     natural_time: float,
     timestep: float,
-    seed: int = 0,
-    harmonics: int = 1,
     amplitude: float | Array = AMPLITUDE,
     periods: tuple[float, float] = PERIODS,
 ) -> Motion:
@@ -56,22 +54,16 @@ def smooth_sinusoids(
         njoint: the number of joints.
         natural_time: √(l/g) of the chain, in s; or whatever time periods are to be counted by.
         timestep: in s.
-        seed: of the random periods and amplitudes.
-        harmonics: sinusoids in the motion of each joint.
         amplitude: of the mean joint, in rad, or of each (njoint), in rad or m.
-        periods: the fastest and the slowest, in natural times; each sinusoid's period is drawn between them.
+        periods: the fastest and the slowest, in natural times; that of each joint is drawn between them.
     """
     fastest, slowest = periods
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(0)
     times = np.arange(0.0, 2.0 * slowest * natural_time, timestep)[:, None]
-    angles, speeds, accelerations = (np.zeros((len(times), njoint)) for _ in range(3))
-    for _ in range(harmonics):
-        rate = 2.0 * np.pi / (natural_time * random.uniform(fastest, slowest, njoint))
-        half = amplitude / 2.0 / harmonics * random.uniform(0.7, 1.3, njoint) * (-1.0) ** np.arange(njoint)
-        angles += half * (1.0 - np.cos(rate * times))
-        speeds += half * rate * np.sin(rate * times)
-        accelerations += half * rate**2 * np.cos(rate * times)
-    return Motion(angles, speeds, accelerations)
+    rate = 2.0 * np.pi / (natural_time * random.uniform(fastest, slowest, njoint))
+    half = amplitude / 2.0 * random.uniform(0.7, 1.3, njoint) * (-1.0) ** np.arange(njoint)
+    angles, speeds = half * (1.0 - np.cos(rate * times)), half * rate * np.sin(rate * times)
+    return Motion(angles, speeds, half * rate**2 * np.cos(rate * times))
 
 
 def track(

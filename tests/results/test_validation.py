@@ -72,7 +72,7 @@ def test_computed_torque_is_the_inverse_of_mujocos_motion() -> None:
 
 def test_trajectory_speeds_and_accelerations_are_derivatives_of_its_angles() -> None:
     """From rest upright, and smooth."""
-    motion = smooth_sinusoids(3, 0.2, 1e-4, harmonics=2)
+    motion = smooth_sinusoids(3, 0.2, 1e-4)
     assert (motion.angles[0] == 0.0).all()
     assert (motion.speeds[0] == 0.0).all()
     for value, rate in ((motion.angles, motion.speeds), (motion.speeds, motion.accelerations)):
