@@ -99,13 +99,9 @@ def laid_out(columns: Sequence[Column], dispensable: Sequence[str], width: int |
     return Layout(columns, (), GAPS[0], ())
 
 
-def edge_of(gap: int) -> int:
-    """How many spaces are before the first column, and after the last, where there is that `gap` between columns."""
-    return 2 if gap == GAPS[0] else 1
-
-
 def _needed(widths: Sequence[int], gap: int) -> int:
-    return sum(widths) + gap * (len(widths) - 1) + 2 * edge_of(gap)
+    edge = 2 if gap == GAPS[0] else 1  # spaces before the first column, and after the last
+    return sum(widths) + gap * (len(widths) - 1) + 2 * edge
 
 
 def _widths(columns: Sequence[Column], room: int) -> tuple[int, ...]:

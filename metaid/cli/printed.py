@@ -30,9 +30,10 @@ def print_study(store: Any, name: str, with_bodies: bool = False) -> dict[str, A
 
     shown = summary(store, name, with_bodies)
     title = f"{shown['name']}: {shown['plant']}, {shown['sampler']}, {shown['measure']}, seed {shown['seed']}"
-    _print_lumps(title, shown_rows(shown), "; ".join(describe_tried(shown)))
-    if shown.get("faults"):
-        _print_faults(shown_rows(shown, "faults"))
+    rows, note = [[lump["name"], *lump_cells(lump)] for lump in shown_rows(shown)], "; ".join(describe_tried(shown))
+    print_table(title, ["lump", *COLUMNS, "error", "unit"], rows, note, ["unit"], DISPENSABLE)
+    if faults := shown_rows(shown, "faults"):
+        _print_faults(faults)
     _say_foreign(shown.get("foreign_trials", []), _unit(shown["measure"]))
     if shown["trials"]["total"] or shown["estimate"]:
         say(_origin(shown))
@@ -143,11 +144,6 @@ def _say_foreign(trials: list[dict[str, Any]], unit: str) -> None:
     if left:
         named = first_of([f"{trial['number']} {trial['state']}" for trial in left], MOST_NAMED)
         say(f"not metaid's trials, left alone and not counted here: {named} ({NUMBERED})")
-
-
-def _print_lumps(title: str, lumps: list[dict[str, Any]], note: str) -> None:
-    rows = [[lump["name"], *lump_cells(lump)] for lump in lumps]
-    print_table(title, ["lump", *COLUMNS, "error", "unit"], rows, note, ["unit"], DISPENSABLE)
 
 
 def _print_faults(faults: list[dict[str, Any]]) -> None:
