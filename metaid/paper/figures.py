@@ -35,8 +35,7 @@ def draw_table(rows: list[dict[str, Any]], path: Path) -> None:
             if rows[place]["falls"]:
                 plot.axvspan(place - 0.5, place + 0.5, color="0.9")
                 plot.text(place, 0.5, "falls", ha="center", transform=plot.get_xaxis_transform())
-        plot.set_ylim(-0.5, 1.08 * plot.get_ylim()[1])
-        plot.set_ylabel(f"periods of link {link + 1}")
+        plot.set(ylim=(-0.5, 1.08 * plot.get_ylim()[1]), ylabel=f"periods of link {link + 1}")
         plot.grid(alpha=0.3)
     axes[0].legend(frameon=False, fontsize=8)
     axes[-1].set_xticks(places, ["\n".join(f"{factor:.2f}" for factor in row["factors"].values()) for row in rows])
@@ -64,8 +63,7 @@ def draw_fig4(path: Path) -> None:
 
 
 def _angle_axes(plot: Axes, joint: int) -> None:
-    plot.set_ylabel(f"θ{joint + 1}, degrees")
-    plot.set_ylim(-185, 185)
+    plot.set(ylabel=f"θ{joint + 1}, degrees", ylim=(-185, 185))
     plot.set_yticks(range(-180, 181, 90))
     plot.grid(alpha=0.3)
     plot.legend(framealpha=0.95, loc="upper left", ncols=2, fontsize=8)
@@ -84,8 +82,7 @@ def draw_sweep(rows: list[dict[str, Any]], path: Path) -> None:
         hertz = np.array([row["frequency_hz"][joint] for row in rows])
         change = 1e2 * (hertz / hertz[len(hertz) // 2] - 1.0)
         frequency.plot(factors, change, color=(BLUE, RED)[joint], label=f"{link}, pure, small push")
-    counts.set_ylabel("periods in 5,000 steps")
-    counts.set_ylim(0, 24)
+    counts.set(ylabel="periods in 5,000 steps", ylim=(0, 24))
     frequency.set_ylabel("frequency against\nthat at 1, %")
     frequency.set_xlabel("factor of coriolis_1_2 (f_m1); gravity factors 1.01")
     for plot in (counts, frequency):

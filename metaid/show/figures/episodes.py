@@ -24,8 +24,7 @@ def plot_angles(trajectory: Trajectory, timestep: float, axes: Axes | None = Non
     times = timestep * np.arange(len(trajectory.angles))
     for joint, angles in enumerate(trajectory.angles.T):
         axes.plot(times, np.degrees(angles), color=COLOURS[joint % len(COLOURS)], label=f"joint {joint + 1}")
-    axes.set_xlabel("time, s")
-    axes.set_ylabel("joint angle, degrees")
+    axes.set(xlabel="time, s", ylabel="joint angle, degrees")
     axes.grid(True)
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=min(len(trajectory.angles.T), 5))
     return axes
@@ -40,8 +39,7 @@ def plot_phase(trajectory: Trajectory, axes: Axes | None = None) -> Axes:
         colour = COLOURS[joint % len(COLOURS)]
         axes.plot(angles, speeds, color=colour, label=f"joint {joint + 1}")
         axes.plot(angles[0], speeds[0], "o", color=colour, markersize=3)
-    axes.set_xlabel("joint angle, degrees")
-    axes.set_ylabel("joint speed, degrees/s")
+    axes.set(xlabel="joint angle, degrees", ylabel="joint speed, degrees/s")
     axes.grid(True)
     return axes
 

@@ -61,8 +61,7 @@ def _mark(values: Array) -> float:
 
 
 def _over_time(shown: Replay, axes: Axes) -> Axes:
-    axes.set_xlim(0.0, 1.02 * shown.times[-1])
-    axes.set_xlabel("time, s")
+    axes.set(xlim=(0.0, 1.02 * shown.times[-1]), xlabel="time, s")
     axes.grid(True)
     return axes
 
@@ -83,8 +82,7 @@ def plot_residuals(found: StudyEstimate, axes: Axes | None = None) -> Axes:
         named = every(count, NUMBERS * room)
         along.set_ticks(named, [str(i + 1) for i in named])
     axes.tick_params(length=0)
-    axes.set_xlabel("push")
-    axes.set_ylabel("joint")
+    axes.set(xlabel="push", ylabel="joint")
     return axes
 
 
@@ -110,8 +108,7 @@ def plot_growth(found: StudyEstimate, true: Array | None, axes: Axes | None = No
         axes.plot(counts, largest, "x--", color=FALL, markersize=4, label="error")
     axes.set_yscale("log")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-    axes.set_xlabel("trials")
-    axes.set_ylabel(f"largest of {found.estimate.share_of}, %")
+    axes.set(xlabel="trials", ylabel=f"largest of {found.estimate.share_of}, %")
     axes.grid(True)
     axes.legend(loc="best")
     return axes

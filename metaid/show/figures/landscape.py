@@ -61,8 +61,7 @@ def plot_boundary(
         )
     if found.true_factors is not None:
         axes.plot(*found.drawn(found.true_factors)[[one, two]], "*", color=INK, markersize=9, label="truth")
-    axes.set_xlabel(found.sought.label(first))
-    axes.set_ylabel(found.sought.label(second))
+    axes.set(xlabel=found.sought.label(first), ylabel=found.sought.label(second))
     axes.grid(True)
     axes.legend(loc="best")
     return axes
@@ -81,8 +80,7 @@ def plot_sweep(found: Findings, swept: Sweep, axes: Axes | None = None) -> Axes:
         axes.axvline(found.true_factors[swept.lump], color=INK, linewidth=0.8, linestyle="--", label="truth")
     axes.set_title(found.names[swept.lump])
     axes.set_ylim(0.0, 1.08 * max(np.nanmax(swept.values, initial=0.0), found.problem.resolution))
-    axes.set_xlabel("factor of nominal")
-    axes.set_ylabel(found.label)
+    axes.set(xlabel="factor of nominal", ylabel=found.label)
     axes.grid(True)
     axes.legend(loc="best")
     return axes

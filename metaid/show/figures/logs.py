@@ -49,8 +49,7 @@ def plot_friction(found: RecordedResult, joint: int, axes: Axes | None = None) -
     curve = friction_curves(found.estimate, SPEEDS.tolist())[joint]
     _band(axes, curve.speed, curve.torque, curve.sd)
     axes.set_xlabel("speed, m/s" if found.estimate.model.slides[joint] else "speed, rad/s")
-    axes.set_ylabel(f"friction, {_unit(found, joint)}")
-    axes.set_xlim(0.0, curve.speed[-1])
+    axes.set(ylabel=f"friction, {_unit(found, joint)}", xlim=(0.0, curve.speed[-1]))
     axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
     return axes
 
@@ -86,8 +85,7 @@ def plot_bodies(found: RecordedResult, axes: Axes | None = None) -> Axes:
     texts = [f"{name}: {value:.4g} ± {sd:.2g} {unit}" for name, value, sd, unit in values]
     say_at(axes, moved, rows, texts[: model.nbody])
     axes.set_yticks(rows, [verbatim(name) for name in model.names[: model.nbody]])
-    axes.set_ylim(model.nbody - 0.5, -0.5)
-    axes.set_xlabel("change from nominal ÷ its prior deviation")
+    axes.set(ylim=(model.nbody - 0.5, -0.5), xlabel="change from nominal ÷ its prior deviation")
     axes.grid(True, axis="x")
     return axes
 
@@ -131,8 +129,7 @@ def _over_time(parts: Sequence[LeftOut], joint: int, axes: Axes) -> tuple[Array,
             own.append(np.where(part.judged[rows], whole[rows, joint], np.nan))
         for own in (times, measured, predicted):
             own.append(np.array([np.nan]))
-    axes.set_xlim(0.0, max(begun, 1e-3))
-    axes.set_xlabel("time of what was left out, s")
+    axes.set(xlim=(0.0, max(begun, 1e-3)), xlabel="time of what was left out, s")
     axes.grid(True)
     if not times:
         return np.zeros(0), np.zeros(0), np.zeros(0)

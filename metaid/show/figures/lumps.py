@@ -78,8 +78,7 @@ def plot_known(found: Findings, axes: Axes | None = None) -> Axes:
     _, height = size_of(axes)
     named = every(len(places), CLOSE_LABELS * height)
     axes.set_yticks(named, [lumps["name"][place] for place in named])
-    axes.set_ylim(len(places) - 0.5, -0.5)
-    axes.set_xlabel("share of what was not known beforehand")
+    axes.set(ylim=(len(places) - 0.5, -0.5), xlabel="share of what was not known beforehand")
     axes.grid(True, axis="x")
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
     return axes

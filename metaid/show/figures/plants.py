@@ -51,11 +51,8 @@ def plot_plant(plant: MujocoPlant, axes: Axes | None = None) -> Axes:
     axes.text(
         -0.22 * reach, 0.8 * reach, f"g = {plant.gravity:g} m/s²", rotation=90, ha="right", va="center", fontsize=7
     )
-    axes.set_aspect("equal")
-    axes.set_xlim(-0.35 * reach, 1.1 * reach)
-    axes.set_ylim(-0.05 * reach, 1.03 * reach)
-    axes.set_ylabel("height, m")
-    axes.set_xticks([])
+    axes.set(aspect="equal", xlim=(-0.35 * reach, 1.1 * reach), ylim=(-0.05 * reach, 1.03 * reach))
+    axes.set(ylabel="height, m", xticks=[])
     axes.spines["bottom"].set_visible(False)
     axes.set_title(f"{verbatim(plant.name)}: {chain.nlink} link{'s' if chain.nlink > 1 else ''}")
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, 0.0), ncols=2)

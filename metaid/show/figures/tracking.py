@@ -26,8 +26,7 @@ def plot_tracking(validation: Validation, axes: Axes | None = None) -> Axes:
         label = shown.model if shown.tracked else f"{shown.model} (lost control)"
         line = "--" if shown.model == "true" else "-"  # a good identified model lies exactly under it
         axes.plot(validation.timestep * np.arange(len(error)), error, line, color=colour, label=label)
-    axes.set_xlabel("time, s")
-    axes.set_ylabel(f"largest joint error, {'degrees' if unit == 'deg' else unit}")
+    axes.set(xlabel="time, s", ylabel=f"largest joint error, {'degrees' if unit == 'deg' else unit}")
     axes.grid(True)
     axes.legend()
     return axes
