@@ -84,18 +84,8 @@ def _forget_output() -> None:
         os.dup2(nowhere.fileno(), sys.stdout.fileno())
 
 
-from metaid.cli import compare, episodes, excite, listing, paper, pictures, plants, recorded, results, studies  # noqa: E402  (they add their commands to `app`)
+from metaid.cli import compare, episodes, excite, listing, paper, pictures, plants, recorded, results, studies  # noqa: E402  (they add their commands to groups)
 
-app.add_command(plants.plant)
-app.add_command(episodes.episode)
-app.add_command(studies.study)
-app.add_command(recorded.estimate)
-app.add_command(excite.excite)
-app.add_command(paper.paper)
-plants.plant.add_command(pictures.draw)
-plants.plant.add_command(pictures.view)
-for command in (results.show, results.validate, results.export, results.model, compare.compare, listing.list_studies):
-    studies.study.add_command(command)
-studies.study.add_command(pictures.plot)
-studies.study.add_command(pictures.report)
+for command in (plants.plant, episodes.episode, studies.study, recorded.estimate, excite.excite, paper.paper):
+    app.add_command(command)
 app.add_command(pictures.dashboard)

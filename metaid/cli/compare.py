@@ -19,7 +19,7 @@ from metaid.cli.common import (
     whole_file,
 )
 from metaid.cli.printed import PLUS_MINUS, error_text, lump_cells
-from metaid.cli.studies import complete_name
+from metaid.cli.studies import complete_name, study
 
 EXAMPLE = """\b
 Example:
@@ -27,7 +27,7 @@ Example:
   metaid study compare three-link three-link-coast -o both.html"""
 
 
-@click.command(epilog=EXAMPLE)
+@study.command(epilog=EXAMPLE)
 @click.argument("names", metavar="NAME NAME ...", nargs=-1, required=True, shell_complete=complete_name)
 @storage_option
 @json_option
@@ -54,20 +54,20 @@ def compare(names: tuple[str, ...], storage: str, as_json: bool, output: Path | 
     words = ["sampler", "verdict", "by the"]
     rows = [
         [
-            *(study[key] for key in ("name", "sampler", "verdict", "source")),
-            *(str(study[key]) for key in ("trials", "pruned")),
-            number_text(study["seconds"], ".4g"),
-            number_text(study["misfit"], ".3g"),
-            error_text(study["max_error"], ""),
+            *(row[key] for key in ("name", "sampler", "verdict", "source")),
+            *(str(row[key]) for key in ("trials", "pruned")),
+            number_text(row["seconds"], ".4g"),
+            number_text(row["misfit"], ".3g"),
+            error_text(row["max_error"], ""),
         ]
-        for study in shown["studies"]
+        for row in shown["studies"]
     ]
     headings = ["study", *words, "trials", "falls", "motion, s", "misfit", "largest error"]
     dispensable = ["by the", "falls", "misfit", "sampler"]
     print_table("Studies", headings, rows, words=words, dispensable=dispensable)
-    for study in shown["studies"]:
-        if study["reasons"]:
-            say_reasons(study["name"], study["reasons"])
+    for row in shown["studies"]:
+        if row["reasons"]:
+            say_reasons(row["name"], row["reasons"])
     cells = [[lump["name"], lump["study"], *lump_cells(lump)] for lump in shown["lumps"]]
     columns = ["lump", "study", "nominal", "identified", PLUS_MINUS, "true", "error", "unit"]
     dispensable = ["nominal", "true", PLUS_MINUS, "error", "unit"]

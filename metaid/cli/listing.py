@@ -9,11 +9,12 @@ import click
 
 from metaid.cli.common import json_option, number_text, open_store, print_json, print_table, say, storage_option
 from metaid.cli.printed import error_text
+from metaid.cli.studies import study
 
 WORDS, COUNTS = ("name", "plant", "sampler", "measure", "verdict"), ("trials", "pruned")
 
 
-@click.command("list", epilog="\b\nExample:\n  metaid study list --shipped")
+@study.command("list", epilog="\b\nExample:\n  metaid study list --shipped")
 @storage_option
 @click.option("--shipped", is_flag=True, help="The studies that metaid ships, in place of those of the DB.")
 @json_option

@@ -7,12 +7,12 @@ from pathlib import Path
 import click
 
 from metaid.cli.common import FIGURE_SUFFIXES, PATH, open_store, say, storage_option, warn, whole_file, working
-from metaid.cli.plants import plant_argument
-from metaid.cli.studies import name_argument
+from metaid.cli.plants import plant, plant_argument
+from metaid.cli.studies import name_argument, study
 from metaid.errors import MetaidError
 
 
-@click.command(epilog="\b\nExample:\n  metaid plant draw three-link -o plant.png")
+@plant.command(epilog="\b\nExample:\n  metaid plant draw three-link -o plant.png")
 @plant_argument
 @click.option("-o", "output", type=PATH, required=True, help="FILE.png, .pdf or .svg.")
 def draw(name: str, output: Path) -> None:
@@ -20,14 +20,14 @@ def draw(name: str, output: Path) -> None:
     from metaid.plant import load_plant
     from metaid.show.figures import plant_figure, save
 
-    plant = load_plant(name)
-    warn([plant.question])
-    figure = plant_figure(plant)
+    shown = load_plant(name)
+    warn([shown.question])
+    figure = plant_figure(shown)
     with whole_file(output, FIGURE_SUFFIXES) as partial:
         save(figure, partial)
 
 
-@click.command(epilog="\b\nExample (needs a screen):\n  metaid plant view three-link")
+@plant.command(epilog="\b\nExample (needs a screen):\n  metaid plant view three-link")
 @plant_argument
 def view(name: str) -> None:
     """Open a plant in MuJoCo's viewer: a chain stands upright, an arm is at home; it falls when touched."""
@@ -37,7 +37,7 @@ def view(name: str) -> None:
     open_viewer(load_plant(name))
 
 
-@click.command(epilog="\b\nExample:\n  metaid study plot three-link -o figures --format pdf --width column")
+@study.command(epilog="\b\nExample:\n  metaid study plot three-link -o figures --format pdf --width column")
 @name_argument
 @storage_option
 @click.option("-o", "folder", metavar="DIR", type=PATH, required=True, help="Folder, made if need be.")
@@ -67,7 +67,7 @@ def plot(name: str, storage: str, folder: Path, ending: str, width: str, over: t
     say(f"{len(shown)} figures are in {folder}: {', '.join(picture.name for picture in shown)}")
 
 
-@click.command(epilog="\b\nExample:\n  metaid study report three-link -o report.html")
+@study.command(epilog="\b\nExample:\n  metaid study report three-link -o report.html")
 @name_argument
 @storage_option
 @click.option("-o", "output", type=PATH, required=True, help="FILE.html.")

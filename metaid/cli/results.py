@@ -20,11 +20,11 @@ from metaid.cli.common import (
     whole_file,
 )
 from metaid.cli.printed import print_study
-from metaid.cli.studies import name_argument
+from metaid.cli.studies import name_argument, study
 from metaid.errors import optional_packages
 
 
-@click.command(epilog="\b\nExample:\n  metaid study show three-link --json")
+@study.command(epilog="\b\nExample:\n  metaid study show three-link --json")
 @name_argument
 @storage_option
 @json_option
@@ -54,7 +54,7 @@ VALIDATED = {
 }
 
 
-@click.command(epilog="\b\nExample:\n  metaid study validate three-link -o tracking.png")
+@study.command(epilog="\b\nExample:\n  metaid study validate three-link -o tracking.png")
 @name_argument
 @storage_option
 @click.option(
@@ -97,7 +97,7 @@ def validate(name: str, storage: str, pushes: int, seed: int, as_json: bool, out
     )
 
 
-@click.command(epilog="\b\nExample:\n  metaid study export three-link -o trials.csv")
+@study.command(epilog="\b\nExample:\n  metaid study export three-link -o trials.csv")
 @name_argument
 @storage_option
 @click.option("-o", "output", type=PATH, required=True, help="FILE.csv or FILE.parquet.")
@@ -121,7 +121,7 @@ def export(name: str, storage: str, output: Path) -> None:
 MODEL_HELP = "FILE.toml, .xml (MJCF), .urdf, .py, .h or .json."
 
 
-@click.command(epilog="\b\nExample:\n  metaid study model three-link -o three-link.xml")
+@study.command(epilog="\b\nExample:\n  metaid study model three-link -o three-link.xml")
 @name_argument
 @storage_option
 @click.option("-o", "outputs", type=PATH, required=True, multiple=True, help=MODEL_HELP)
