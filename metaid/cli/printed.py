@@ -69,16 +69,14 @@ def describe_tried(shown: dict[str, Any]) -> list[str]:
 
 def _origin(shown: dict[str, Any]) -> str:
     """What the lumps are of, and what the estimate from all trials says beside them."""
-    from metaid.results import RESULTS, describe_known_from, describe_trials, interval_name
+    from metaid.results import estimate_texts
 
-    estimate, total = shown["estimate"], shown["trials"]["total"]
-    if estimate is None:
+    if shown["estimate"] is None:
         return f"no estimate from all trials: {shown['why_no_estimate']}"
-    text = f"estimate from {describe_trials(estimate, total)}"
-    if shown["verdict"] in RESULTS and shown["source"] == "estimate":
-        known = f"{describe_known_from(estimate, total)}; " if estimate["explains"] else ""
-        text += f"; {known}{PLUS_MINUS} is half the {interval_name(estimate['counts'])}"
-    return f"{text}; {estimate['description']}"
+    texts = estimate_texts(shown)
+    half = texts["interval"] and f"{PLUS_MINUS} is half the {texts['interval']}"
+    said = f"estimate from {texts['of']}", texts["known"], half, shown["estimate"]["description"]
+    return "; ".join(filter(None, said))
 
 
 def _reasons(shown: dict[str, Any]) -> list[str]:

@@ -8,7 +8,7 @@ from metaid.results.body_tables import bodies_table, body_rows, describe_possibl
 from metaid.results.candidates import candidates, candidates_of
 from metaid.results.comparison import Comparison, compare
 from metaid.results.control import smooth_sinusoids, track
-from metaid.results.estimates import describe_known_from, describe_trials, estimate_texts
+from metaid.results.estimates import estimate_texts
 from metaid.results.findings import MODEL_ERRORS, Findings, read_findings
 from metaid.results.model import identified_model, started_from
 from metaid.results.overview import shown_rows, summary
@@ -22,4 +22,3 @@ from metaid.results.tables import (
 )
 from metaid.results.validation import PUSHES, Validation, validate, validate_law
 from metaid.results.verdict import RESULTS, Verdict
-from metaid.study.estimates import interval_name

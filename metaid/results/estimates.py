@@ -4,24 +4,28 @@ from __future__ import annotations
 
 from typing import Any
 
+from metaid.results.verdict import RESULTS
 from metaid.study.estimates import CLOSE, FIRST_TRIALS, interval_name
 
 
 def estimate_texts(summary: dict[str, Any]) -> dict[str, Any]:
-    """Sentences on the estimate in a `summary`: what it is worth, or why there is none; how early it was there, where
-    it explains what was seen; and what its `interval` is called.
+    """What is said of the estimate in a `summary`: which trials it is `of`, and a sentence on what it is `worth`, or
+    why there is none; where the study stands by it how early it was `known`, if it explains what was seen, and what its
+    `interval` is called.
     """
     shown, total = summary["estimate"], summary["trials"]["total"]
     if shown is None:
-        return {"worth": f"No estimate: {summary['why_no_estimate']}.", "known": None, "interval": None}
+        return {"of": None, "worth": f"No estimate: {summary['why_no_estimate']}.", "known": None, "interval": None}
+    of, stands = _trials(shown, total), summary["verdict"] in RESULTS and summary["source"] == "estimate"
     return {
-        "worth": f"Estimate from {describe_trials(shown, total)}: {shown['description']}.",
-        "known": describe_known_from(shown, total) if shown["explains"] else None,
-        "interval": interval_name(shown["counts"]),
+        "of": of,
+        "worth": f"Estimate from {of}: {shown['description']}.",
+        "known": _known_from(shown, total) if stands and shown["explains"] else None,
+        "interval": interval_name(shown["counts"]) if stands else None,
     }
 
 
-def describe_trials(shown: dict[str, Any], total: int) -> str:
+def _trials(shown: dict[str, Any], total: int) -> str:
     """Which of the `total` trials of a study the estimate in its `summary` is made of, and which of others."""
     others = shown.get("by_others", 0)
     count = shown["trials"] - others
@@ -34,7 +38,7 @@ def describe_trials(shown: dict[str, Any], total: int) -> str:
     return f"{text} and {others} of others" if others else text
 
 
-def describe_known_from(shown: dict[str, Any], total: int) -> str:
+def _known_from(shown: dict[str, Any], total: int) -> str:
     """How early the estimate in a `summary` was there, of `total` trials of the study."""
     total += shown.get("by_others", 0)
     if shown["counts"] is not None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from metaid.results import RESULTS, Findings, estimate_texts, shown_rows
+from metaid.results import Findings, estimate_texts, shown_rows
 from metaid.show.companions import companion_name, is_long
 
 CANDIDATES = {
@@ -57,10 +57,10 @@ def _estimate(shown: dict[str, Any]) -> str:
     """What all trials say together, below the lumps that a study stands by."""
     texts = estimate_texts(shown)
     said = [escaped(texts["worth"])]
-    if shown["verdict"] in RESULTS and shown["source"] == "estimate":
+    if texts["interval"]:
         said.append(f"Low and high are the {texts['interval']}.")
-        if texts["known"]:
-            said.append(f"Here {texts['known']}.")
+    if texts["known"]:
+        said.append(f"Here {texts['known']}.")
     return " ".join(said)
 
 
