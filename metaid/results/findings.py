@@ -189,10 +189,6 @@ class Findings:
         """The `equals`, or the CLOSEST best survivors if those are more."""
         return best_rows(self.survivors, max(len(self.equals), CLOSEST))
 
-    def objective(self) -> Any:
-        """What the study evaluated its candidates with."""
-        return self.problem.make_objective()
-
     def index(self, lump: str) -> int:
         """Where a lump stands.  Raises StorageError, naming the allowed ones."""
         if lump not in self.names:

@@ -109,7 +109,7 @@ def test_boundary_has_the_truth_on_the_edge_of_falling(boundary: Findings, axes:
     true, low, high = boundary.true_factors, 0.8, 1.2
     assert true is not None
     grids = np.linspace(low, high, 9), np.linspace(low, high, 9)
-    around = plane(boundary.objective(), true * 1.001, (0, 1), *grids)
+    around = plane(boundary.problem.make_objective(), true * 1.001, (0, 1), *grids)
     figures.plot_boundary(boundary, "gravity_1", "gravity_2", axes, around)
     assert line(axes, "truth").get_xdata()[0] == true[0]
     fell = around.fell
@@ -121,7 +121,7 @@ def test_boundary_has_the_truth_on_the_edge_of_falling(boundary: Findings, axes:
 
 def test_plane_is_where_each_candidate_falls_also_where_none_was_evaluated(boundary: Findings) -> None:
     """Row by row as the sweeps have it."""
-    true, objective, factors = boundary.true_factors, boundary.objective(), np.linspace(0.8, 1.2, 13)
+    true, objective, factors = boundary.true_factors, boundary.problem.make_objective(), np.linspace(0.8, 1.2, 13)
     assert true is not None
     rows = [sweep(objective, np.array([true[0], each, *true[2:]]), 0, factors).fell for each in factors]
     assert np.array_equal(plane(objective, true, (0, 1), factors, factors).fell, rows)
@@ -131,7 +131,7 @@ def test_plane_is_where_each_candidate_falls_also_where_none_was_evaluated(bound
 def test_sweep_is_the_papers_first_table_as_a_curve(counted: Findings, axes: Axes) -> None:
     """Whole periods grow with the factor from the truth on, and below it the pendulum falls."""
     factors = np.linspace(0.6, 1.6, 21)
-    swept = sweep(counted.objective(), counted.best_factors, 0, factors)
+    swept = sweep(counted.problem.make_objective(), counted.best_factors, 0, factors)
     figures.plot_sweep(counted, swept, axes)
     true = counted.true_factors
     assert true is not None
@@ -174,7 +174,7 @@ def test_correlation_is_symmetric_and_labelled(plain: Findings, axes: Axes) -> N
 
 def test_angles_and_phase_portrait_are_the_episodes_in_degrees(plain: Findings, axes: Axes) -> None:
     """Degrees over seconds, and degrees per second over degrees."""
-    objective = plain.objective()
+    objective = plain.problem.make_objective()
     _, trajectory = run_stepwise(objective.plant, objective.nominal.scaled(plain.best_factors), objective.episode)
     figures.plot_angles(trajectory, 0.002, axes)
     assert np.asarray(line(axes, "joint 2").get_ydata()) == pytest.approx(np.degrees(trajectory.angles[:, 1]))

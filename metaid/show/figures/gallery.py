@@ -96,7 +96,7 @@ class Gallery(Pictures):
     @cached_property
     def objective(self) -> Any:
         """What evaluates candidates."""
-        return self.found.objective()
+        return self.found.problem.make_objective()
 
     @cached_property
     def makers(self) -> dict[str, Maker]:

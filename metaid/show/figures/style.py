@@ -93,13 +93,8 @@ def new_axes(axes: Axes | None) -> Axes:
         return pyplot.subplots(figsize=(0.7 * PAGE, 0.45 * PAGE), layout="constrained")[1]
 
 
-def say(artist: Artist, texts: Sequence[str]) -> None:
-    """What a browser says where a mark of an `artist` is pointed at; one text is of all of it."""
-    _SAID[artist] = tuple(texts)
-
-
 def say_at(axes: Axes, x: Any, y: Any, texts: Sequence[str]) -> None:
-    """The same at points that have no mark large enough to be pointed at.
+    """What a browser says where points are pointed at, which have no mark large enough.
 
     Args:
         axes: to draw on; nothing that is seen is.
@@ -108,7 +103,7 @@ def say_at(axes: Axes, x: Any, y: Any, texts: Sequence[str]) -> None:
         texts: what is said at each (npoint).
     """
     (unseen,) = axes.plot(x, y, "o", color=INK, markersize=POINTER, alpha=0.0, zorder=ON_TOP, label="_said")
-    say(unseen, texts)
+    _SAID[unseen] = tuple(texts)
 
 
 def said_in(figure: Figure) -> dict[str, tuple[str, ...]]:
