@@ -6,6 +6,8 @@ from pathlib import Path
 
 import click
 
+import metaid
+from metaid import show
 from metaid.cli.common import (
     FIGURE_SUFFIXES,
     PATH,
@@ -34,19 +36,13 @@ Example:
 @click.option("-o", "output", type=PATH, help="A figure (.png, .pdf, .svg), or a page with all (.html).")
 def compare(names: tuple[str, ...], storage: str, as_json: bool, output: Path | None) -> None:
     """Studies of the same plant beside one another: what each took, and what it found of each lump."""
-    from metaid import api
-
-    found = api.compare(*names, storage=storage)
+    found = metaid.compare(*names, storage=storage)
     if output is not None:
         with whole_file(output, (*FIGURE_SUFFIXES, ".html")) as partial:
             if output.suffix == ".html":
-                from metaid.show import render_comparison
-
-                partial.write_text(render_comparison(found), encoding="utf-8")
+                partial.write_text(show.render_comparison(found), encoding="utf-8")
             else:
-                from metaid.show.figures import comparison_figure, save
-
-                save(comparison_figure(found), partial)
+                metaid.figures.save(metaid.figures.comparison_figure(found), partial)
     shown = found.summary()
     if as_json:
         print_json(shown)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+import metaid
 from metaid.cli.common import (
     FIGURE_SUFFIXES,
     PATH,
@@ -71,8 +72,6 @@ def episode(
 
     Factors above 1 over-compensate and oscillate, factors below 1 fall, and 1 coasts.
     """
-    from metaid.plant import load_plant
-
     if study_name is not None and video is None:
         raise click.UsageError("--study says whose lumps to film: it needs --video FILE.mp4")
 
@@ -81,7 +80,7 @@ def episode(
 
     from metaid.cli.looks import look_at
 
-    plant = load_plant(name)
+    plant = metaid.load_plant(name)
     warn([plant.question])
     look = look_at(plant, numbers(factors, "--factor"), steps, seed, nominal)
     if output is not None:

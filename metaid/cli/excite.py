@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+import metaid
 from metaid.cli.common import json_option, number_text, numbers, print_json, print_table, refuse_output, say, whole_file
 from metaid.errors import joints_of, unknown
 
@@ -49,11 +50,10 @@ def excite(
     or URDF. Limits that nobody says are usual ones, and are printed with `--json`.
     """
     from metaid.excitation import SUFFIXES, write_motion
-    from metaid.excitation import excite as excited
 
     for output in outputs:
         refuse_output(output, SUFFIXES)
-    found = excited(nominal, seconds=seconds, limits=limits, noise=_noise(noise), seed=seed)
+    found = metaid.excite(nominal, seconds=seconds, limits=limits, noise=_noise(noise), seed=seed)
     for output in outputs:
         with whole_file(output, SUFFIXES) as partial:
             write_motion(found, partial, rate)

@@ -10,6 +10,8 @@ import click
 from metaid.cli.common import json_option, number_text, open_store, print_json, print_table, say, storage_option
 from metaid.cli.printed import error_text
 from metaid.cli.studies import study
+from metaid.errors import StudyError
+from metaid.frames import json_rows
 
 WORDS, COUNTS = ("name", "plant", "sampler", "measure", "verdict"), ("trials", "pruned")
 
@@ -20,7 +22,6 @@ WORDS, COUNTS = ("name", "plant", "sampler", "measure", "verdict"), ("trials", "
 @json_option
 def list_studies(storage: str, shipped: bool, as_json: bool) -> None:
     """The studies of a DB, or those that metaid ships: also where there is no metaid.db here yet."""
-    from metaid.frames import json_rows
     from metaid.results import studies_frame
     from metaid.store import DEFAULT_STORAGE
 
@@ -61,7 +62,6 @@ def list_studies(storage: str, shipped: bool, as_json: bool) -> None:
 
 def _shipped() -> list[dict[str, Any]]:
     """A row for each study file that metaid ships."""
-    from metaid.errors import StudyError
     from metaid.files import read_toml, shipped_folder, shipped_names
 
     files = {

@@ -9,7 +9,8 @@ from typing import Any, cast
 
 import click
 
-from metaid import api
+import metaid
+from metaid import api, show
 from metaid.cli.common import number_text
 from metaid.compiled import ArmPush, Objective
 from metaid.models import Array
@@ -63,17 +64,6 @@ def look_at(
 
 def _of_chain(objective: Objective, factors: Array) -> Look:
     """The episode of an `objective` with `factors` (nlump) of the plant's own lumps."""
-
-    def draw(path: Path) -> None:
-        from metaid.show.figures import draw_episode  # loads matplotlib
-
-        draw_episode(objective, factors, path)
-
-    def stage(problem: Problem | None) -> Any:
-        from metaid.show import ChainStage  # needs what films need
-
-        return ChainStage(objective)
-
     shown, own = objective.summary(factors), objective.nominal
     what = (
         f"fell at step {shown['fall_step']} of {shown['steps']}"
@@ -85,22 +75,21 @@ def _of_chain(objective: Objective, factors: Array) -> Look:
         for i, (count, hz) in enumerate(zip(shown["periods"], shown["frequency_hz"], strict=True))
     ]
     table = f"{shown['plant']}: {what}", ["joint", "whole periods", "frequency, Hz"], rows
-    return Look(shown, table, draw, {"candidate": own.scaled(factors), "true": own}, stage)
+    return Look(
+        shown,
+        table,
+        draw=lambda path: metaid.figures.draw_episode(objective, factors, path),
+        laws={"candidate": own.scaled(factors), "true": own},
+        stage=lambda problem: show.ChainStage(objective),
+    )
 
 
 def _of_arm(plant: ArmPlant, push: ArmPush) -> Look:
     """A `push` of a `plant`."""
 
-    def draw(path: Path) -> None:
-        from metaid.show.figures import draw_push  # loads matplotlib
-
-        draw_push(push, path)
-
     def stage(problem: Problem | None) -> Any:
-        from metaid.show import ArmStage  # needs what films need
-
         assert problem is not None, "an arm is filmed with a study"
-        return ArmStage(plant, cast(Tree, problem.nominal))  # the study is about this arm
+        return show.ArmStage(plant, cast(Tree, problem.nominal))  # the study is about this arm
 
     shown = push.summary()
     what = (
@@ -114,4 +103,5 @@ def _of_arm(plant: ArmPlant, push: ArmPush) -> Look:
     ]
     unit = "rad or m" if push.slides.any() else "rad"
     headings = ["joint", "it", f"from, {unit}", "to", "speed at the start, 1/s", "at the end"]
-    return Look(shown, (f"{shown['plant']}: {what}", headings, rows), draw, {}, stage)
+    table = f"{shown['plant']}: {what}", headings, rows
+    return Look(shown, table, lambda path: metaid.figures.draw_push(push, path), {}, stage)

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import click
 
+import metaid
+from metaid import show
 from metaid.cli.common import FIGURE_SUFFIXES, PATH, open_store, say, storage_option, warn, whole_file, working
 from metaid.cli.plants import plant, plant_argument
 from metaid.cli.studies import name_argument, study
@@ -17,24 +19,18 @@ from metaid.errors import MetaidError
 @click.option("-o", "output", type=PATH, required=True, help="FILE.png, .pdf or .svg.")
 def draw(name: str, output: Path) -> None:
     """Draw a labelled sketch of a plant: lengths, masses, centres of mass; of an arm its shapes and joints at home."""
-    from metaid.plant import load_plant
-    from metaid.show.figures import plant_figure, save
-
-    shown = load_plant(name)
+    shown = metaid.load_plant(name)
     warn([shown.question])
-    figure = plant_figure(shown)
+    figure = metaid.figures.plant_figure(shown)
     with whole_file(output, FIGURE_SUFFIXES) as partial:
-        save(figure, partial)
+        metaid.figures.save(figure, partial)
 
 
 @plant.command(epilog="\b\nExample (needs a screen):\n  metaid plant view three-link")
 @plant_argument
 def view(name: str) -> None:
     """Open a plant in MuJoCo's viewer: a chain stands upright, an arm is at home; it falls when touched."""
-    from metaid.plant import load_plant
-    from metaid.show import open_viewer
-
-    open_viewer(load_plant(name))
+    show.open_viewer(metaid.load_plant(name))
 
 
 @study.command(epilog="\b\nExample:\n  metaid study plot three-link -o figures --format pdf --width column")
@@ -52,10 +48,7 @@ def plot(name: str, storage: str, folder: Path, ending: str, width: str, over: t
     Of an arm also how well base parameters are known. A file each, named after what it shows, at the width of a
     journal's page or column.
     """
-    from metaid import api
-    from metaid.show.figures import Gallery, save
-
-    gallery = Gallery(api.load_findings(name, storage), over)
+    gallery = metaid.figures.Gallery(metaid.load_findings(name, storage), over)
     try:
         folder.mkdir(exist_ok=True)
     except OSError as problem:
@@ -63,7 +56,7 @@ def plot(name: str, storage: str, folder: Path, ending: str, width: str, over: t
     shown = list(gallery.pictures(width))
     for picture in shown:
         with whole_file(folder / f"{picture.name}.{ending}", FIGURE_SUFFIXES) as partial:
-            save(picture.figure, partial)
+            metaid.figures.save(picture.figure, partial)
     say(f"{len(shown)} figures are in {folder}: {', '.join(picture.name for picture in shown)}")
 
 
@@ -73,11 +66,8 @@ def plot(name: str, storage: str, folder: Path, ending: str, width: str, over: t
 @click.option("-o", "output", type=PATH, required=True, help="FILE.html.")
 def report(name: str, storage: str, output: Path) -> None:
     """Write one self-contained page: what was searched, what was found, figures, cost, how to repeat it."""
-    from metaid import api
-    from metaid.show import render
-
     with whole_file(output, (".html",)) as partial, working("estimate") as watch:
-        partial.write_text(render(api.load_findings(name, storage), watch), encoding="utf-8")
+        partial.write_text(show.render(metaid.load_findings(name, storage), watch), encoding="utf-8")
     say(f"the report of '{name}' is {output}")
 
 
@@ -89,7 +79,5 @@ def dashboard(storage: str, port: int) -> None:
 
     Every study gets a note that explains it and our figures; of more than 10,000 trials a thinned companion is shown.
     """
-    from metaid.show import serve
-
     with open_store(storage) as store:
-        serve(store, port, say)
+        show.serve(store, port, say)

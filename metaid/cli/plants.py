@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import click
 
+import metaid
 from metaid.cli.common import Group, json_option, names_of, print_json, print_table
+from metaid.errors import PlantError
 
 
 def _complete_plant(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
@@ -26,9 +28,8 @@ def plant() -> None:
 def list_plants(as_json: bool) -> None:
     """Shipped plants; a plant file of your own is given by its path."""
     from metaid.files import shipped_names
-    from metaid.plant import load_plant
 
-    plants = [load_plant(name) for name in shipped_names("plants")]
+    plants = [metaid.load_plant(name) for name in shipped_names("plants")]
     rows = [{"name": shown.name, "joints": shown.njoint, "description": shown.settings.description} for shown in plants]
     if as_json:
         print_json({"plants": rows})
@@ -44,7 +45,6 @@ def list_plants(as_json: bool) -> None:
 def show_plant(name: str, joints: str | None, as_json: bool) -> None:
     """The links of a plant, and its true lumps where it knows them; of an arm its joints and links."""
     from metaid.cli.shown_plants import show
-    from metaid.errors import PlantError
     from metaid.files import find_file
     from metaid.plant import read_any_plant, with_joints
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+import metaid
 from metaid.cli.common import (
     FIGURE_SUFFIXES,
     PATH,
@@ -68,14 +69,10 @@ def validate(name: str, storage: str, pushes: int, seed: int, as_json: bool, out
 
     The nominal model is tested likewise, and the true one where the plant knows it.
     """
-    from metaid import api
-
-    validation = api.validate(name, storage, pushes, seed)
+    validation = metaid.validate(name, storage, pushes, seed)
     if output is not None:
-        from metaid.show.figures import draw_tracking
-
         with whole_file(output, FIGURE_SUFFIXES) as partial:
-            draw_tracking(validation, partial)
+            metaid.figures.draw_tracking(validation, partial)
     shown = validation.summary()
     if as_json:
         print_json({"study": name, **shown})
@@ -103,14 +100,12 @@ def validate(name: str, storage: str, pushes: int, seed: int, as_json: bool, out
 @click.option("-o", "output", type=PATH, required=True, help="FILE.csv or FILE.parquet.")
 def export(name: str, storage: str, output: Path) -> None:
     """Write every trial to a file: state, value, generation, steps, periods per joint, factors."""
-    from metaid import api
-
     if output.suffix == ".parquet":
         with optional_packages("parquet"):
             import pyarrow  # noqa: F401, pandas writes with it
 
     with whole_file(output, (".csv", ".parquet")) as partial:
-        frame = api.trials(name, storage)
+        frame = metaid.trials(name, storage)
         if output.suffix == ".csv":
             frame.to_csv(partial, index=False)
         else:
@@ -134,13 +129,12 @@ def model(name: str, storage: str, outputs: tuple[Path, ...], even_if_not_found:
     A plant file, MJCF and URDF have bodies with the identified lumps; their masses are not identified. Python and C
     have the compensation law as a function that needs nothing else, and of a chain the mass matrix.
     """
-    from metaid import api
     from metaid.exporting import SUFFIXES
     from metaid.results import RESULTS
 
     with contextlib.ExitStack() as files:
         partials = [files.enter_context(whole_file(output, tuple(SUFFIXES))) for output in outputs]
-        found = api.model(name, storage, even_if_not_found)
+        found = metaid.model(name, storage, even_if_not_found)
         for partial in partials:
             found.write(partial)
     what = f"the {'identified ' * (found.about['verdict'] in RESULTS)}model of '{name}'"

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+import metaid
+from metaid import show
 from metaid.cli.checks.until import describe_reached, share
 from metaid.cli.common import (
     NOT_FOUND,
@@ -21,7 +23,7 @@ from metaid.cli.common import (
 )
 from metaid.cli.interrupted import Interruption
 from metaid.cli.printed import print_study
-from metaid.errors import StorageError, StudyError, printable
+from metaid.errors import MetaidError, StorageError, StudyError, WorkerError, printable
 
 if TYPE_CHECKING:
     from metaid.study import Progress, StudySpec
@@ -34,8 +36,6 @@ def _complete_study_file(_context: click.Context, _parameter: click.Parameter, i
 
 
 def complete_name(context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
-    from metaid.errors import MetaidError
-
     try:
         with open_store(context.params.get("storage") or "metaid.db") as store:
             # A name that a shell would read as more than a word is not offered to it.
@@ -112,9 +112,7 @@ def _make(
 
 def load_study(source: str, changes: Sequence[str]) -> StudySpec:
     """A study file with `KEY=VALUE` changes."""
-    from metaid.study import load_study as load
-
-    return load(source, {key: _toml_value(text) for key, text in pairs(changes, "--set").items()})
+    return metaid.load_study(source, {key: _toml_value(text) for key, text in pairs(changes, "--set").items()})
 
 
 def _toml_value(text: str) -> Any:
@@ -243,7 +241,6 @@ def run(
     The exit status is 3 where all trials are spent and the lumps were not found.
     """
     from metaid.cli.live import Live
-    from metaid.errors import WorkerError
     from metaid.study import run_study
 
     if make:
@@ -287,7 +284,6 @@ def _how_to_go_on(trials: int, storage: str, name: str) -> str:
 @click.option("--yes", is_flag=True, help="Do not ask.")
 def delete(name: str, storage: str, yes: bool) -> None:
     """Delete a study and its trials from the DB."""
-    from metaid.show import delete_companion
     from metaid.study import delete_study
 
     with open_store(storage) as store:
@@ -295,5 +291,5 @@ def delete(name: str, storage: str, yes: bool) -> None:
         if not yes:
             click.confirm(printable(f"Delete study '{name}' from {store.shown}?"), abort=True, err=True)
         delete_study(store, name)
-        delete_companion(store, name)
+        show.delete_companion(store, name)
     say(f"study '{name}' is deleted")

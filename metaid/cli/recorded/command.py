@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+import metaid
+from metaid import show
 from metaid.cli.common import (
     FIGURE_SUFFIXES,
     NOT_FOUND,
@@ -95,7 +97,6 @@ def estimate(
     and of each joint angle, torque and perhaps speed. `double-pendulum` is three. Exit status 3: not found.
     """
     from metaid.exporting import SUFFIXES
-    from metaid.recorded import estimate as estimated
 
     for output in outputs:
         refuse_output(output, (*SUFFIXES, *FIGURE_SUFFIXES))
@@ -103,7 +104,7 @@ def estimate(
             figure_of(output)
     if report is not None:
         refuse_output(report, (".html",), "--report")
-    result = estimated(**{name: READ[name](given) if name in READ else given for name, given in asked.items()})
+    result = metaid.estimate(**{name: READ[name](given) if name in READ else given for name, given in asked.items()})
     warn(result.nominal_repairs)
     has_numbers = result.verdict.is_found or even_if_not_found
     models = [output for output in outputs if output.suffix not in FIGURE_SUFFIXES]
@@ -111,10 +112,8 @@ def estimate(
     if has_numbers:
         draw(result, [output for output in outputs if output.suffix in FIGURE_SUFFIXES])
     if report is not None:
-        from metaid.show import render_log
-
         with whole_file(report, (".html",), "--report") as partial:
-            partial.write_text(render_log(result, typed(click.get_current_context()), files), encoding="utf-8")
+            partial.write_text(show.render_log(result, typed(click.get_current_context()), files), encoding="utf-8")
     if as_json:
         print_json(result.summary_with(files))
     else:

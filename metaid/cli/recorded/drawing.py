@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+import metaid
 from metaid.cli.common import FIGURE_SUFFIXES, say, whole_file
 from metaid.errors import RecordError
 
@@ -31,13 +32,11 @@ def draw(result: RecordedResult, outputs: Sequence[Path]) -> None:
     """Writes pictures."""
     if not outputs:
         return
-    from metaid.show.figures import LogGallery, save
-
-    gallery = LogGallery(result)
+    gallery = metaid.figures.LogGallery(result)
     for output in outputs:
         name = figure_of(output)
         if name not in gallery.makers:
             raise RecordError(f"{output}: gravity loads no joint (allowed: {', '.join(gallery.makers)})")
         with whole_file(output, FIGURE_SUFFIXES) as partial:
-            save(gallery.picture(name).figure, partial)
+            metaid.figures.save(gallery.picture(name).figure, partial)
         say(f"{output}: written", err=True)
