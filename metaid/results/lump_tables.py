@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
 import numpy as np
 import pandas as pd
 
-from metaid.frames import json_rows
 from metaid.models import DEVIATIONS
 from metaid.plant import SocketPlant, fault_names, fault_unit, true_faults
 from metaid.results.best import known_by_best
+from metaid.results.stored import StoredStudy
 from metaid.study import Known, Parameters, Problem
 from metaid.study.estimates import StudyEstimate
-
-if TYPE_CHECKING:
-    from metaid.results.snapshot import Snapshot
 
 NOTHING = 1e-9  # of what a base parameter may have been wrong by: an error is no share of less
 
 
-def best_table(snapshot: Snapshot) -> pd.DataFrame:
+def best_table(snapshot: StoredStudy) -> pd.DataFrame:
     """One row a parameter that was sought, as `lumps_frame` has them, by the best trial."""
     problem = snapshot.problem
     return _rows(problem, problem.robot.sought, known_by_best(problem, snapshot.survivors))
@@ -99,10 +94,3 @@ def fault_table(problem: Problem, found: StudyEstimate | None, is_result: bool) 
         "determined": determined,
     }
     return pd.DataFrame(columns)
-
-
-def fault_rows(snapshot: Snapshot) -> dict[str, Any]:
-    """The same as `study show --json` has it, under `faults`; nothing where no fault is ever searched."""
-    if not snapshot.spec.study.estimate.faults:
-        return {}
-    return {"faults": json_rows(fault_table(snapshot.problem, snapshot.estimate, snapshot.verdict.has_result))}

@@ -10,7 +10,7 @@ import numpy as np
 from metaid.frames import json_rows
 from metaid.results.body_tables import body_rows
 from metaid.results.candidates import identified_law
-from metaid.results.lump_tables import fault_rows, largest_error
+from metaid.results.lump_tables import fault_table, largest_error
 from metaid.results.snapshot import Snapshot, counted_states, read_snapshot
 from metaid.results.verdict import NUMBERS
 from metaid.store import ForeignTrial, Store
@@ -74,6 +74,13 @@ def _without_rounding(row: dict[str, Any]) -> dict[str, Any]:
         return 0.0 if isinstance(value, float) and abs(value) < least.get(key, NOTHING) else value
 
     return {key: settled(key, value) for key, value in row.items()}
+
+
+def fault_rows(snapshot: Snapshot) -> dict[str, Any]:
+    """The table of faults as `study show --json` has it, under `faults`; nothing where no fault is ever searched."""
+    if not snapshot.spec.study.estimate.faults:
+        return {}
+    return {"faults": json_rows(fault_table(snapshot.problem, snapshot.estimate, snapshot.verdict.has_result))}
 
 
 def _estimate(found: StudyEstimate, verdict: str) -> dict[str, Any]:

@@ -6,7 +6,8 @@ import numpy as np
 import pandas as pd
 
 from metaid.errors import StudyError
-from metaid.results.lump_tables import estimate_table, fault_rows, largest_error
+from metaid.results.lump_tables import estimate_table, largest_error
+from metaid.results.overview import fault_rows
 from metaid.results.snapshot import Snapshot, counted_states, read_snapshot, trials_table
 from metaid.store import Store
 

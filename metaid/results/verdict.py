@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 import pandas as pd
@@ -17,12 +17,10 @@ from metaid.errors import StudyError, first_of
 from metaid.models import COARSEST, Array
 from metaid.results.by_measure import bounds_reached
 from metaid.results.lump_tables import best_table, estimate_table, fault_table
+from metaid.results.stored import StoredStudy
 from metaid.store import Trial
 from metaid.study import Problem
 from metaid.study.estimates import StudyEstimate
-
-if TYPE_CHECKING:
-    from metaid.results.snapshot import Snapshot
 
 Word = Literal["found", "approximate", "not found", "unfinished"]
 Source = Literal["estimate", "best trial"]
@@ -71,7 +69,7 @@ class Verdict:
         return StudyError(f"study '{name}' has {nothing}: its verdict is '{self.word}': {why}{way_out}")
 
 
-def judge(snapshot: Snapshot) -> Verdict:
+def judge(snapshot: StoredStudy) -> Verdict:
     """The verdict on a study as it is in the DB."""
     problem, estimate = snapshot.problem, snapshot.estimate
     if estimate is not None and estimate.explains:
@@ -105,7 +103,7 @@ def judge(snapshot: Snapshot) -> Verdict:
     )
 
 
-def _fallen_at_once(snapshot: Snapshot) -> Iterator[str]:
+def _fallen_at_once(snapshot: StoredStudy) -> Iterator[str]:
     """Why trials show little: where no push but the first was survived, or begun, in any."""
     read = [trial.outcome.readings for trial in snapshot.trials]
     if snapshot.problem.is_matching and read and all(each is not None and not each.counts[1:].any() for each in read):
@@ -141,7 +139,7 @@ def missed(lumps: pd.DataFrame, who: str) -> Iterator[str]:
         yield f"{', '.join(names)} {be} not determined: {who} not know {them} to a tenth"
 
 
-def _not_yet(snapshot: Snapshot, source: Source, reasons: tuple[str, ...], lumps: pd.DataFrame) -> Verdict:
+def _not_yet(snapshot: StoredStudy, source: Source, reasons: tuple[str, ...], lumps: pd.DataFrame) -> Verdict:
     """Unfinished where trials are left, else not found: then lumps have the numbers of the last estimate or the best
     trial, and none is said to be known.
 
@@ -160,7 +158,7 @@ def _not_yet(snapshot: Snapshot, source: Source, reasons: tuple[str, ...], lumps
     return Verdict("not found", source, reasons, lumps)
 
 
-def _against_best(snapshot: Snapshot, lumps: pd.DataFrame) -> Iterator[str]:
+def _against_best(snapshot: StoredStudy, lumps: pd.DataFrame) -> Iterator[str]:
     """What speaks against taking the best trial for the result."""
     if snapshot.best is None:
         yield snapshot.problem.robot.all_fell if snapshot.trials else "no trial yet"
@@ -169,7 +167,7 @@ def _against_best(snapshot: Snapshot, lumps: pd.DataFrame) -> Iterator[str]:
     yield from _untested(snapshot, snapshot.best)
 
 
-def _untested(snapshot: Snapshot, best: Trial) -> Iterator[str]:
+def _untested(snapshot: StoredStudy, best: Trial) -> Iterator[str]:
     """Why the model of the `best` trial was not tested, or what refuted it.
 
     Wrong lumps can make up for friction or a spring so well that noise, or a count, does not show what is left over.
@@ -187,7 +185,7 @@ def _untested(snapshot: Snapshot, best: Trial) -> Iterator[str]:
         )
 
 
-def _too_far(snapshot: Snapshot, best: Trial, lumps: pd.DataFrame) -> Iterator[str]:
+def _too_far(snapshot: StoredStudy, best: Trial, lumps: pd.DataFrame) -> Iterator[str]:
     """Whether the `best` trial is far from coasting, or tells nothing of any lump."""
     problem, robot, measure = snapshot.problem, snapshot.problem.robot, snapshot.problem.measure
     value, unit, resolution = best.outcome.value, measure.unit, problem.resolution
