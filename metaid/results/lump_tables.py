@@ -10,22 +10,21 @@ from metaid.plant import SocketPlant, fault_names, fault_unit, true_faults
 from metaid.results.best import known_by_best
 from metaid.results.stored import StoredStudy
 from metaid.study import Known, Parameters, Problem
-from metaid.study.estimates import StudyEstimate
 
 NOTHING = 1e-9  # of what a base parameter may have been wrong by: an error is no share of less
 
 
-def best_table(snapshot: StoredStudy) -> pd.DataFrame:
+def best_table(study: StoredStudy) -> pd.DataFrame:
     """One row a parameter that was sought, as `lumps_frame` has them, by the best trial."""
-    problem = snapshot.problem
-    return _rows(problem, problem.robot.sought, known_by_best(problem, snapshot.survivors))
+    problem = study.problem
+    return _rows(problem, problem.robot.sought, known_by_best(problem, study.survivors))
 
 
-def estimate_table(problem: Problem, found: StudyEstimate | None, is_result: bool) -> pd.DataFrame:
+def estimate_table(study: StoredStudy, is_result: bool) -> pd.DataFrame:
     """One row a parameter that is estimated, as `lumps_frame` has them; NaN where there is no estimate. There are
     intervals where it `is_result`: it explains what was seen, or is approximate.
     """
-    wanted = problem.robot.estimated
+    problem, found, wanted = study.problem, study.estimate, study.problem.robot.estimated
     if found is None:
         return _rows(problem, wanted, Known.alone(np.full(len(wanted.names), np.nan)))
     return _rows(problem, wanted, found.known(wanted) if is_result else Known.alone(found.estimate.values))
@@ -65,12 +64,12 @@ def largest_error(lumps: pd.DataFrame) -> float | None:
     return None if errors.empty or errors.isna().any() else float(errors.max())
 
 
-def fault_table(problem: Problem, found: StudyEstimate | None, is_result: bool) -> pd.DataFrame:
+def fault_table(study: StoredStudy, is_result: bool) -> pd.DataFrame:
     """One row a fault that was searched or taken up, see `[estimate] faults`: `name`, `unit`, `identified`, `sd`, `low`
     and `high` of the 95 % interval, `true`, `error`, which is the difference of the two, and whether it is
     `determined`. NaN as in `estimate_table`; no row where no fault was searched.
     """
-    kinds = problem.spec.study.estimate.searched_faults
+    problem, found, kinds = study.problem, study.estimate, study.spec.study.estimate.searched_faults
     if found is not None and found.estimate.faults is not None:
         kinds = found.estimate.faults.searched.kinds
     names, plant = fault_names(kinds, len(problem.spec.joints), problem.robot.tilts), problem.open_plant()

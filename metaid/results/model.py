@@ -14,7 +14,6 @@ from metaid.exporting import Dynamics, IdentifiedModel, arm_dynamics, chain_dyna
 from metaid.models import IDEAL, Array, Lumps, kind_of
 from metaid.plant import fault_unit
 from metaid.results.snapshot import Snapshot, read_snapshot
-from metaid.results.verdict import Verdict
 from metaid.store import Store
 from metaid.study import Problem, StudySpec, with_nominal
 
@@ -26,7 +25,7 @@ def identified_model(snapshot: Snapshot, even_if_not_found: bool = False) -> Ide
     or its best trial.  Raises StudyError where it identified nothing, and says why.
     """
     verdict, spec, found = snapshot.verdict, snapshot.spec, snapshot.estimate
-    guess = None if verdict.has_result else _best_guess(snapshot, verdict)
+    guess = None if verdict.has_result else _best_guess(snapshot)
     if not verdict.has_result and (guess is None or not even_if_not_found):
         how = " (--even-if-not-found, in Python even_if_not_found=True, gives what there is)"
         raise verdict.refusal(snapshot.name, "no identified model", "" if guess is None else how)
@@ -64,11 +63,11 @@ def started_from(store: Store, spec: StudySpec, other: str) -> StudySpec:
     return changed
 
 
-def _best_guess(snapshot: Snapshot, verdict: Verdict) -> Array | None:
+def _best_guess(snapshot: Snapshot) -> Array | None:
     """The values (n) where nothing is found, in the order of the verdict's table: those of the last estimate, or of the
     best trial; None where there is neither.
     """
-    if verdict.source == "estimate":
+    if snapshot.verdict.source == "estimate":
         return None if snapshot.estimate is None else snapshot.estimate.estimate.values
     return None if snapshot.best is None else snapshot.problem.robot.sought.scale * snapshot.best.factors
 

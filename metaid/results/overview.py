@@ -80,7 +80,7 @@ def fault_rows(snapshot: Snapshot) -> dict[str, Any]:
     """The table of faults as `study show --json` has it, under `faults`; nothing where no fault is ever searched."""
     if not snapshot.spec.study.estimate.faults:
         return {}
-    return {"faults": json_rows(fault_table(snapshot.problem, snapshot.estimate, snapshot.verdict.has_result))}
+    return {"faults": json_rows(fault_table(snapshot, snapshot.verdict.has_result))}
 
 
 def _estimate(found: StudyEstimate, verdict: str) -> dict[str, Any]:

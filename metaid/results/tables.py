@@ -43,7 +43,7 @@ def estimate_frame(snapshot: Snapshot) -> pd.DataFrame:
     """
     if snapshot.estimate is None:
         raise StudyError(f"study '{snapshot.name}' has no estimate: {snapshot.why_no_estimate}")
-    return estimate_table(snapshot.problem, snapshot.estimate, snapshot.estimate.explains)
+    return estimate_table(snapshot, snapshot.estimate.explains)
 
 
 def studies_frame(store: Store) -> pd.DataFrame:

@@ -20,7 +20,6 @@ from metaid.results.lump_tables import best_table, estimate_table, fault_table
 from metaid.results.stored import StoredStudy
 from metaid.store import Trial
 from metaid.study import Problem
-from metaid.study.estimates import StudyEstimate
 
 Word = Literal["found", "approximate", "not found", "unfinished"]
 Source = Literal["estimate", "best trial"]
@@ -73,9 +72,9 @@ def judge(snapshot: StoredStudy) -> Verdict:
     """The verdict on a study as it is in the DB."""
     problem, estimate = snapshot.problem, snapshot.estimate
     if estimate is not None and estimate.explains:
-        lumps = estimate_table(problem, estimate, is_result=True)
+        lumps = estimate_table(snapshot, is_result=True)
         if lumps["determined"].any():
-            missing = _missing(problem, estimate, lumps)
+            missing = _missing(snapshot, lumps)
             return Verdict("found", "estimate", (*estimate.reasons, *missing, *estimate.provisos), lumps)
         reasons = (
             f"the trials show no {problem.robot.sought.noun} to better than {COARSEST:.0%}: {problem.robot.faint}",
@@ -84,7 +83,7 @@ def judge(snapshot: StoredStudy) -> Verdict:
     if problem.is_matching:
         against: tuple[str, ...] = (snapshot.why_no_estimate if estimate is None else estimate.description,)
         source: Source = "estimate"
-        lumps = estimate_table(problem, estimate, is_result=False)
+        lumps = estimate_table(snapshot, is_result=False)
     else:
         lumps, source = best_table(snapshot), "best trial"
         against = tuple(_against_best(snapshot, lumps))
@@ -96,8 +95,8 @@ def judge(snapshot: StoredStudy) -> Verdict:
         return _not_yet(snapshot, source, (*_fallen_at_once(snapshot), *against), lumps)
     if not worth.holds:
         return _not_yet(snapshot, source, (*_fallen_at_once(snapshot), *against, worth.why_not), lumps)
-    lumps = estimate_table(problem, estimate, is_result=True)
-    missing = _missing(problem, estimate, lumps)
+    lumps = estimate_table(snapshot, is_result=True)
+    missing = _missing(snapshot, lumps)
     return Verdict(
         "approximate", "estimate", (worth.predicted, worth.not_explained, *missing, estimate.description), lumps
     )
@@ -110,11 +109,11 @@ def _fallen_at_once(snapshot: StoredStudy) -> Iterator[str]:
         yield f"every trial fell in its first push: {snapshot.problem.robot.gentler}"
 
 
-def _missing(problem: Problem, estimate: StudyEstimate, lumps: pd.DataFrame) -> Iterator[str]:
-    """Which of the `lumps` and faults of an `estimate` are not determined, or hang on what was not seen."""
-    for table in (lumps, fault_table(problem, estimate, is_result=True)):
+def _missing(snapshot: StoredStudy, lumps: pd.DataFrame) -> Iterator[str]:
+    """Which of the `lumps` and faults of the estimate are not determined, or hang on what was not seen."""
+    for table in (lumps, fault_table(snapshot, is_result=True)):
         yield from missed(table, "these trials do")
-    yield from _hanging(problem, lumps)
+    yield from _hanging(snapshot.problem, lumps)
 
 
 def _hanging(problem: Problem, lumps: pd.DataFrame) -> Iterator[str]:

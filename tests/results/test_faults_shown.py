@@ -99,7 +99,7 @@ def test_fault_that_is_not_explained_has_no_interval(tmp_path: Path) -> None:
         run_study(store, "chain")
         snapshot = read_snapshot(store, "chain")
     verdict, estimate = snapshot.verdict, snapshot.estimate
-    (delay,) = json_rows(fault_table(snapshot.problem, estimate, False))
+    (delay,) = json_rows(fault_table(snapshot, False))
     assert verdict.word == "approximate"
     assert delay["identified"] is not None
     assert delay["sd"] is delay["low"] is delay["high"] is None
