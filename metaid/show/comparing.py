@@ -16,5 +16,5 @@ def render_comparison(found: Comparison) -> str:
         if found.knows_truth
         else ", as a deviation from the first study that found it."
     )
-    figure = page_figure("comparison", caption, *(comparison_figure(found, width) for width in WIDTHS))
+    figure = page_figure("comparison", caption, (comparison_figure(found, width) for width in WIDTHS))
     return filled_in("comparison.html", names=found.names, figure=figure, **found.summary())

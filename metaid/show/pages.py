@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 import platform
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from importlib import metadata
 from typing import Any
@@ -85,12 +85,13 @@ def page_figures(gallery: Pictures, watch: Watch = lambda what: None) -> list[Pa
     for name in gallery.makers:
         watch(f"figure {len(drawn) + 1}, {name}")
         wide, narrow = (gallery.picture(name, width) for width in WIDTHS)
-        drawn.append(page_figure(name, wide.caption, wide.figure, narrow.figure))
+        drawn.append(page_figure(name, wide.caption, [wide.figure, narrow.figure]))
     return drawn
 
 
-def page_figure(name: str, caption: str, wide: Figure, narrow: Figure) -> PageFigure:
-    """A figure as wide as a page, and the same as `narrow` as a column, ready for the page."""
+def page_figure(name: str, caption: str, drawn: Iterable[Figure]) -> PageFigure:
+    """A figure that is `drawn` as wide as a page and as a column, ready for the page."""
+    wide, narrow = drawn
     return PageFigure(name, caption, inline_svg(wide, f"{name}-wide-"), inline_svg(narrow, f"{name}-narrow-"))
 
 

@@ -107,7 +107,7 @@ def plant_picture(found: Findings) -> PageFigure:
     """A sketch of the plant, or of the nominal model where the plant is not to be shown."""
     plant = found.problem.open_plant() if shows_plant(found) else found.problem.robot.nominal_plant()
     drawn = (sketch(plant, found.problem.episode, width) for width in WIDTHS.values())
-    return page_figure("plant", plant_caption(found), *drawn)
+    return page_figure("plant", plant_caption(found), drawn)
 
 
 def errors(found: Findings) -> list[dict[str, Any]]:
