@@ -13,15 +13,7 @@ from metaid.errors import EpisodeError
 from metaid.models import LARGEST_FACTOR, Array, Lumps, factors_from_names
 from metaid.models.tree import ArmPrior
 from metaid.plant import ArmPlant, MujocoPlant, load_plant
-from metaid.study import (
-    COUNTING_STEPS,
-    TIP_SPEED,
-    EstimateSettings,
-    StudySpec,
-    drawn_nominal,
-    load_study,
-    problem_of,
-)
+from metaid.study import COUNTING_STEPS, TIP_SPEED, EstimateSettings, StudySpec, drawn_nominal, load_study, problem_of
 
 if TYPE_CHECKING:
     from metaid.compiled import ArmPush, Objective  # loads MuJoCo and numba, which a reader of a DB does without

@@ -27,14 +27,7 @@ from metaid.results import (
     started_from,
 )
 from metaid.store import DEFAULT_STORAGE, Store
-from metaid.study import (
-    OptunaObjective,
-    Progress,
-    StudySpec,
-    ensure_study,
-    run_study,
-    stored_spec,
-)
+from metaid.study import OptunaObjective, Progress, StudySpec, ensure_study, run_study, stored_spec
 
 if TYPE_CHECKING:
     import optuna

@@ -20,7 +20,6 @@ from metaid.cli.common import (
     storage_option,
     whole_file,
 )
-from metaid.cli.printed import PLUS_MINUS, error_text, lump_cells
 from metaid.cli.studies import complete_name, study
 
 EXAMPLE = """\b
@@ -36,6 +35,8 @@ Example:
 @click.option("-o", "output", type=PATH, help="A figure (.png, .pdf, .svg), or a page with all (.html).")
 def compare(names: tuple[str, ...], storage: str, as_json: bool, output: Path | None) -> None:
     """Studies of the same plant beside one another: what each took, and what it found of each lump."""
+    from metaid.cli.printed import PLUS_MINUS, error_text, lump_cells
+
     found = metaid.compare(*names, storage=storage)
     if output is not None:
         with whole_file(output, (*FIGURE_SUFFIXES, ".html")) as partial:

@@ -8,7 +8,6 @@ from typing import Any
 import click
 
 from metaid.cli.common import json_option, number_text, open_store, print_json, print_table, say, storage_option
-from metaid.cli.printed import error_text
 from metaid.cli.studies import study
 from metaid.errors import StudyError
 from metaid.frames import json_rows
@@ -22,6 +21,7 @@ WORDS, COUNTS = ("name", "plant", "sampler", "measure", "verdict"), ("trials", "
 @json_option
 def list_studies(storage: str, shipped: bool, as_json: bool) -> None:
     """The studies of a DB, or those that metaid ships: also where there is no metaid.db here yet."""
+    from metaid.cli.printed import error_text
     from metaid.results import studies_frame
     from metaid.store import DEFAULT_STORAGE
 

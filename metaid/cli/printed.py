@@ -7,7 +7,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from metaid.cli.common import number_text, print_table, say, say_reasons
+from metaid.episode import MEASURES
 from metaid.errors import first_of
+from metaid.results import MODEL_ERRORS, RESULTS, describe_possible_bodies, estimate_texts, shown_rows, summary
 
 PLUS_MINUS = "±"  # half the interval
 COLUMNS = ("nominal", "identified", PLUS_MINUS, "true")
@@ -26,15 +28,13 @@ def print_study(store: Any, name: str, with_bodies: bool = False) -> dict[str, A
     """Every lump beside its nominal value, and the truth where the plant knows it; what was tried, and the best; what
     that says of each link, where this is to be said; last of all the verdict. Returns the summary that this is of.
     """
-    from metaid.results import shown_rows, summary
-
     shown = summary(store, name, with_bodies)
     title = f"{shown['name']}: {shown['plant']}, {shown['sampler']}, {shown['measure']}, seed {shown['seed']}"
     rows, note = [[lump["name"], *lump_cells(lump)] for lump in shown_rows(shown)], "; ".join(describe_tried(shown))
     print_table(title, ["lump", *COLUMNS, "error", "unit"], rows, note, ["unit"], DISPENSABLE)
     if faults := shown_rows(shown, "faults"):
         _print_faults(faults)
-    _say_foreign(shown.get("foreign_trials", []), _unit(shown["measure"]))
+    _say_foreign(shown.get("foreign_trials", []), MEASURES[shown["measure"]].unit)
     if shown["trials"]["total"] or shown["estimate"]:
         say(_origin(shown))
     if with_bodies:
@@ -43,16 +43,9 @@ def print_study(store: Any, name: str, with_bodies: bool = False) -> dict[str, A
     return shown
 
 
-def _unit(measure: str) -> str:
-    """The unit of a measure, by its name."""
-    from metaid.episode import MEASURES
-
-    return MEASURES[measure].unit
-
-
 def describe_tried(shown: dict[str, Any]) -> list[str]:
     """What was tried, and the best of it."""
-    trials, best, unit = shown["trials"], shown["best"], _unit(shown["measure"])
+    trials, best, unit = shown["trials"], shown["best"], MEASURES[shown["measure"]].unit
     failed = f", {trials['failed']} failed" if trials["failed"] else ""
     parts = [f"{trials['total']} trials, {trials['pruned']} of them falls{failed}"]
     if shown["periods"]:
@@ -69,8 +62,6 @@ def describe_tried(shown: dict[str, Any]) -> list[str]:
 
 def _origin(shown: dict[str, Any]) -> str:
     """What the lumps are of, and what the estimate from all trials says beside them."""
-    from metaid.results import estimate_texts
-
     if shown["estimate"] is None:
         return f"no estimate from all trials: {shown['why_no_estimate']}"
     texts = estimate_texts(shown)
@@ -83,8 +74,6 @@ def _reasons(shown: dict[str, Any]) -> list[str]:
     """The reasons of the verdict in a `summary`, of a result with how well the lumps are known and the largest error
     where it is known; of what is approximate how well it predicts before all.
     """
-    from metaid.results import RESULTS
-
     reasons = list(shown["reasons"])
     if shown["verdict"] not in RESULTS:
         return reasons
@@ -122,8 +111,6 @@ def _half_text(half: float | None) -> str:
 
 def _model_error(errors: dict[str, float] | None) -> list[str]:
     """How wrong an arm's dynamics are on states that no trial has seen, where the truth is known."""
-    from metaid.results import MODEL_ERRORS
-
     if errors is None:
         return []
     said = ", ".join(f"{name} {error_text(errors[key], '')}" for key, name in MODEL_ERRORS.items())
@@ -193,8 +180,6 @@ def error_text(error: float | None, sign: str = "+") -> str:
 
 
 def _show_bodies(shown: dict[str, Any]) -> None:
-    from metaid.results import describe_possible_bodies, shown_rows
-
     if shown["bodies"] is None:
         say(shown["why_no_bodies"])
         return

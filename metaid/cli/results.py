@@ -20,7 +20,6 @@ from metaid.cli.common import (
     storage_option,
     whole_file,
 )
-from metaid.cli.printed import print_study
 from metaid.cli.studies import name_argument, study
 from metaid.errors import optional_packages
 
@@ -34,6 +33,7 @@ def show(name: str, storage: str, as_json: bool, bodies: bool) -> None:
     """What a study found: every lump beside its nominal value, and the truth where the plant knows it."""
     from threadpoolctl import threadpool_limits
 
+    from metaid.cli.printed import print_study
     from metaid.results import summary
 
     # At these sizes starting BLAS's threads costs more than all that is computed.

@@ -11,18 +11,8 @@ import click
 import metaid
 from metaid import show
 from metaid.cli.checks.until import describe_reached, share
-from metaid.cli.common import (
-    NOT_FOUND,
-    Group,
-    json_option,
-    open_store,
-    pairs,
-    say,
-    storage_option,
-    warn,
-)
+from metaid.cli.common import NOT_FOUND, Group, json_option, open_store, pairs, say, storage_option, warn
 from metaid.cli.interrupted import Interruption
-from metaid.cli.printed import print_study
 from metaid.errors import MetaidError, StorageError, StudyError, WorkerError, printable
 
 if TYPE_CHECKING:
@@ -241,6 +231,7 @@ def run(
     The exit status is 3 where all trials are spent and the lumps were not found.
     """
     from metaid.cli.live import Live
+    from metaid.cli.printed import print_study
     from metaid.study import run_study
 
     if make:

@@ -14,11 +14,6 @@ from metaid.results.model import identified_model, started_from
 from metaid.results.overview import shown_rows, summary
 from metaid.results.snapshot import Snapshot, read_snapshot, snapshot_of
 from metaid.results.sweeps import Plane, Sweep, plane, sweep
-from metaid.results.tables import (
-    estimate_frame,
-    lumps_frame,
-    studies_frame,
-    trials_frame,
-)
+from metaid.results.tables import estimate_frame, lumps_frame, studies_frame, trials_frame
 from metaid.results.validation import PUSHES, Validation, validate, validate_law
 from metaid.results.verdict import RESULTS, Verdict

@@ -10,14 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from metaid.results import (
-    MODEL_ERRORS,
-    Findings,
-    body_rows,
-    describe_possible_bodies,
-    estimate_texts,
-    shown_rows,
-)
+from metaid.results import MODEL_ERRORS, Findings, body_rows, describe_possible_bodies, estimate_texts, shown_rows
 from metaid.show.figures import Gallery, sketch
 from metaid.show.figures.style import WIDTHS
 from metaid.show.pages import PageFigure, Watch, filled_in, page_figure, page_figures

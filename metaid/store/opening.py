@@ -12,13 +12,7 @@ import sqlalchemy as sa
 from optuna.storages import RDBStorage
 
 from metaid.store.server import checked_tables, end_when_silent, server_options
-from metaid.store.sqlite import (
-    OpenFile,
-    file_of,
-    has_tables,
-    make_file,
-    sqlite_options,
-)
+from metaid.store.sqlite import OpenFile, file_of, has_tables, make_file, sqlite_options
 
 
 def open_engine(url: sa.URL, create: bool) -> sa.Engine:

@@ -16,14 +16,7 @@ from hashlib import blake2b
 import sqlalchemy as sa
 
 from metaid.errors import StorageError
-from metaid.store.optuna_tables import (
-    STUDIES,
-    STUDY_ATTRIBUTES,
-    STUDY_TABLES,
-    TRIAL_ATTRIBUTES,
-    TRIAL_TABLES,
-    TRIALS,
-)
+from metaid.store.optuna_tables import STUDIES, STUDY_ATTRIBUTES, STUDY_TABLES, TRIAL_ATTRIBUTES, TRIAL_TABLES, TRIALS
 
 MARK = "metaid:trial"  # the attribute of a trial that metaid wrote
 DIGEST = "metaid:digest"  # the attribute of a study that its trials' marks begin with

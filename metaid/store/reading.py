@@ -10,13 +10,7 @@ from typing import Any
 import numpy as np
 import sqlalchemy as sa
 
-from metaid.store.optuna_tables import (
-    STUDY_ATTRIBUTES,
-    TRIAL_ATTRIBUTES,
-    TRIAL_PARAMS,
-    TRIAL_VALUES,
-    TRIALS,
-)
+from metaid.store.optuna_tables import STUDY_ATTRIBUTES, TRIAL_ATTRIBUTES, TRIAL_PARAMS, TRIAL_VALUES, TRIALS
 from metaid.store.ownership import DIGEST, EXPERIMENT, MARK, own_rows
 from metaid.store.rows import MOTION_KEYS, Own, read_motions, read_outcomes, read_table
 from metaid.store.trial import ForeignTrial, Trial
