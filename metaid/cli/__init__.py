@@ -84,7 +84,7 @@ def _forget_output() -> None:
         os.dup2(nowhere.fileno(), sys.stdout.fileno())
 
 
-from metaid.cli import compare, episodes, excite, listing, paper, pictures, plants, recorded, results, studies  # noqa: E402  (they add their commands to groups)
+from metaid.cli import compare, episodes, excite, listing, paper, pictures, plants, recorded, results, studies  # noqa: E402  (they add commands)
 
 for command in (plants.plant, episodes.episode, studies.study, recorded.estimate, excite.excite, paper.paper):
     app.add_command(command)
