@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from metaid.api import (
         bodies,
+        check,
         compare,
         evaluate,
         load_findings,
@@ -75,6 +76,7 @@ __all__ = [
     "StorageError",
     "StudyError",
     "bodies",
+    "check",
     "compare",
     "estimate",
     "evaluate",

@@ -4,6 +4,7 @@ from metaid.api.episodes import arm_push, check_factors, episode_objective, eval
 from metaid.api.stored import (
     Study,
     bodies,
+    check,
     compare,
     default_storage,
     load_findings,

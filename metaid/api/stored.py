@@ -28,6 +28,7 @@ from metaid.results import (
 )
 from metaid.store import DEFAULT_STORAGE, Store
 from metaid.study import OptunaObjective, Progress, StudySpec, ensure_study, run_study, stored_spec
+from metaid.study import check as checked
 
 if TYPE_CHECKING:
     import optuna
@@ -108,10 +109,27 @@ def objective(study: str | Path | StudySpec, storage: str | None = None) -> Optu
         >>> len(tried.trials)
         3
     """
+    return OptunaObjective(_spec(study, storage))
+
+
+def check(study: str | Path | StudySpec, storage: str | None = None, until: float | None = None) -> dict[str, Any]:
+    """What a study can determine by its nominal model, before any trial: as `metaid study check --json` prints it.
+    `study` and `storage` are those of `objective`; with `until`, a share, also what it takes until all is known to it.
+    Raises StudyError where the study cannot be run, or not until then, and StorageError.
+
+    Example:
+        >>> [lump["name"] for lump in metaid.check("three-link")["lumps"] if not lump["determined"]]
+        []
+    """
+    return checked(_spec(study, storage), until)
+
+
+def _spec(study: str | Path | StudySpec, storage: str | None) -> StudySpec:
+    """The settings of a study: of that name in the DB where there is a `storage`, else shipped, of a file, or given."""
     if storage is None or not isinstance(study, str | Path):
-        return OptunaObjective(spec_of(study))
+        return spec_of(study)
     with closing(Store(storage)) as store:
-        return OptunaObjective(stored_spec(store, str(study)))
+        return stored_spec(store, str(study))
 
 
 def trials(name: str, storage: str | None = None) -> pd.DataFrame:

@@ -11,7 +11,7 @@ import click
 import metaid
 from metaid import show
 from metaid.cli.checks.until import describe_reached, share
-from metaid.cli.common import NOT_FOUND, Group, json_option, open_store, pairs, say, storage_option, warn
+from metaid.cli.common import NOT_FOUND, Group, json_option, open_store, pairs, print_json, say, storage_option, warn
 from metaid.cli.interrupted import Interruption
 from metaid.errors import MetaidError, StorageError, StudyError, WorkerError, printable
 
@@ -131,14 +131,15 @@ def check(source: str, storage: str, changes: tuple[str, ...], until: float | No
     STUDY is a shipped name, the path of a study file, or the name of a study in the DB.
     """
     from metaid.cli.checks.determined import print_check
-    from metaid.study import problem_of, question, refuse_until, refuse_what_cannot_be_run
+    from metaid.study import problem_of, question
 
     spec = _stored(source, storage, changes) or load_study(source, changes)
-    refuse_what_cannot_be_run(spec)
-    if until is not None:
-        refuse_until(spec, until)
+    shown = metaid.check(spec, until=until)
     warn([question(spec)])
-    print_check(problem_of(spec), until, as_json)
+    if as_json:
+        print_json(shown)
+    else:
+        print_check(problem_of(spec), shown)
 
 
 def _stored(name: str, storage: str, changes: Sequence[str]) -> StudySpec | None:

@@ -6,6 +6,7 @@
 import sys
 
 import metaid
+from metaid.study.checking import check
 from metaid.study.create import (
     advice,
     create_study,

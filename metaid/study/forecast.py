@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import Any
 
 from metaid.errors import StudyError
 from metaid.models import COARSEST
@@ -31,6 +33,18 @@ class Forecast:
     @property
     def is_reached(self) -> bool:
         return self.half_width <= self.until
+
+    @property
+    def row(self) -> dict[str, Any]:
+        """All of it as JSON."""
+        return {
+            "half_width": self.until,
+            "is_reached": self.is_reached,
+            "trials": self.trials,
+            "pushes": self.pushes,
+            "minutes": self.seconds / 60.0,
+            "reached_half_width": self.half_width if math.isfinite(self.half_width) else None,
+        }
 
 
 def forecast(problem: Problem, until: float) -> Forecast:

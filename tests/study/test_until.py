@@ -107,10 +107,10 @@ def test_what_no_number_of_trials_reaches_is_said() -> None:
     """With how well the least known lump is known in the end, or that nothing was explained."""
     foreseen = Forecast(until=0.001, trials=32, pushes=64, seconds=120.0, half_width=0.004)
     assert not foreseen.is_reached
-    said = describe_forecast(foreseen)
+    said = describe_forecast(foreseen.row)
     head = "--until 0.001: not reached, for after 32 trials, 64 pushes, 2 min of motion the least known is known to"
     assert said.startswith(f"{head} 0.004 of it")
-    assert "no estimate explains 32 trials" in describe_forecast(replace(foreseen, half_width=np.inf))
+    assert "no estimate explains 32 trials" in describe_forecast(replace(foreseen, half_width=np.inf).row)
 
 
 def test_searched_fault_is_not_told_beforehand(spec: StudySpec) -> None:

@@ -2,39 +2,21 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import asdict
 from typing import Any
 
-from metaid.cli.checks.until import describe_forecast, forecast_row
-from metaid.cli.common import number_text, print_json, print_table, say
+from metaid.cli.checks.until import describe_forecast
+from metaid.cli.common import number_text, print_table, say
 from metaid.models import lump_unit
-from metaid.study import Identifiability, Problem, forecast, identifiability, stepping
+from metaid.study import Problem, Stepping
 
 
-def print_check(problem: Problem, until: float | None, as_json: bool) -> None:
-    """Prints what the study of a `problem` can determine: to within what all pushes tell each lump, or one trial each
-    base parameter; and what it takes `until` all is known to that share.
-    """
-    found = identifiability(problem)
-    foreseen, precise = None if until is None else forecast(problem, until), stepping(problem)
-    rows = (_base_parameters if problem.spec.is_arm else _lumps)(problem, found)
-    if as_json:
-        print_json(
-            {
-                "study": problem.spec.name,
-                "measure": problem.measure.name,
-                "lumps": rows,
-                **({} if problem.spec.is_arm else {"undetermined": list(found.combinations)}),
-                **({} if foreseen is None else {"until": forecast_row(foreseen)}),
-                **({} if precise is None else {"twin": asdict(precise)}),
-            }
-        )
-        return
-    (_print_base_parameters if problem.spec.is_arm else _print_lumps)(problem, found, rows)
-    if foreseen is not None:
-        say(describe_forecast(foreseen))
-    if precise is not None:
+def print_check(problem: Problem, shown: dict[str, Any]) -> None:
+    """Prints what the study of a `problem` can determine, as `metaid.check` says it."""
+    (_print_base_parameters if problem.spec.is_arm else _print_lumps)(problem, shown)
+    if "until" in shown:
+        say(describe_forecast(shown["until"]))
+    if "twin" in shown:
+        precise = Stepping(**shown["twin"])
         wanted = "" if precise.is_precise else "; that is too much for intervals that hold: shorten the timestep"
         say(
             f"the twin's steps of {1e3 * precise.timestep:g} ms move an angle by {precise.error:.1g} of the noise of a "
@@ -42,38 +24,23 @@ def print_check(problem: Problem, until: float | None, as_json: bool) -> None:
         )
 
 
-def _lumps(problem: Problem, found: Identifiability) -> list[dict[str, Any]]:
-    """A row a lump; None where it cannot be found, or is not bounded."""
-    numbers = found.resolution.tolist(), found.determined, found.low.tolist(), found.high.tolist()
-    return [
-        {
-            "name": name,
-            "resolution": resolution if math.isfinite(resolution) else None,
-            "determined": determined,
-            "low": low if math.isfinite(high) else None,
-            "high": high if math.isfinite(high) else None,
-        }
-        for name, resolution, determined, low, high in zip(found.names, *numbers, strict=True)
-    ]
-
-
-def _print_lumps(problem: Problem, found: Identifiability, rows: list[dict[str, Any]]) -> None:
-    is_bounded = all(row["high"] is not None for row in rows)
-    shown = [
+def _print_lumps(problem: Problem, shown: dict[str, Any]) -> None:
+    is_bounded = all(row["high"] is not None for row in shown["lumps"])
+    rows = [
         [
             row["name"],
             "–" if row["resolution"] is None else _share(row["resolution"]),
             _yes(row),
             *([number_text(row["low"]), number_text(row["high"]), lump_unit(row["name"])] if is_bounded else []),
         ]
-        for row in rows
+        for row in shown["lumps"]
     ]
-    title = f"{problem.spec.name}: what {judge_of(problem)} with these pushes can determine"
+    title = f"{shown['study']}: what {judge_of(problem)} with these pushes can determine"
     headings = ["lump", "to within", "determined", *(["from", "to", "unit"] if is_bounded else [])]
-    print_table(title, headings, shown, words=["determined", "unit"], dispensable=["from", "to"])
+    print_table(title, headings, rows, words=["determined", "unit"], dispensable=["from", "to"])
     if is_bounded:
         say(f"a lump beyond from and to is excluded by the bounds{_and_widened(problem)}")
-    for combination in found.combinations:
+    for combination in shown["undetermined"]:
         terms = sorted(combination.items(), key=lambda term: -abs(term[1]))[:4]
         say(
             "no trial shows a change of these factors together: "
@@ -81,17 +48,8 @@ def _print_lumps(problem: Problem, found: Identifiability, rows: list[dict[str, 
         )
 
 
-def _base_parameters(problem: Problem, found: Identifiability) -> list[dict[str, Any]]:
-    """A row a base parameter, with the pushes that show it."""
-    sought = problem.robot.sought
-    keys = "name", "nominal", "resolution", "determined", "shown_by", "unit", "expression"
-    columns = sought.nominal.tolist(), found.resolution.tolist(), found.determined
-    told = zip(found.names, *columns, found.shown_by or (), sought.units, sought.expressions or (), strict=True)
-    return [dict(zip(keys, row, strict=True)) for row in told]
-
-
-def _print_base_parameters(problem: Problem, found: Identifiability, rows: list[dict[str, Any]]) -> None:
-    shown = [
+def _print_base_parameters(problem: Problem, shown: dict[str, Any]) -> None:
+    rows = [
         [
             row["name"],
             number_text(row["nominal"]),
@@ -100,12 +58,12 @@ def _print_base_parameters(problem: Problem, found: Identifiability, rows: list[
             row["shown_by"],
             row["unit"],
         ]
-        for row in rows
+        for row in shown["lumps"]
     ]
-    title = f"{problem.spec.name}: what one trial of the nominal arm determines"
+    title = f"{shown['study']}: what one trial of the nominal arm determines"
     headings = ["base parameter", "nominal", "to within", "determined", "shown by", "unit"]
-    print_table(title, headings, shown, words=["determined", "shown by", "unit"], dispensable=["nominal", "shown by"])
-    if missed := found.undetermined_names:
+    print_table(title, headings, rows, words=["determined", "shown by", "unit"], dispensable=["nominal", "shown by"])
+    if missed := [row["name"] for row in shown["lumps"] if not row["determined"]]:
         say(f"one trial does not determine {', '.join(missed)}: push more, faster, or for longer")
 
 

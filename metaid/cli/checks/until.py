@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
-
-if TYPE_CHECKING:
-    from metaid.study import Forecast
 
 
 def share(context: click.Context, parameter: click.Parameter, value: str | None) -> float | None:
@@ -25,29 +22,17 @@ def share(context: click.Context, parameter: click.Parameter, value: str | None)
     return number
 
 
-def forecast_row(foreseen: Forecast) -> dict[str, Any]:
-    """What a run until all lumps are known takes, as JSON."""
-    width = foreseen.half_width
-    return {
-        "half_width": foreseen.until,
-        "is_reached": foreseen.is_reached,
-        "trials": foreseen.trials,
-        "pushes": foreseen.pushes,
-        "minutes": foreseen.seconds / 60.0,
-        "reached_half_width": width if math.isfinite(width) else None,
-    }
-
-
-def describe_forecast(foreseen: Forecast) -> str:
-    """The same in a sentence."""
-    cost = f"{foreseen.trials} trials, {foreseen.pushes} pushes, {foreseen.seconds / 60.0:.3g} min of motion"
-    if foreseen.is_reached:
-        return f"--until {foreseen.until:.3g}: if the nominal model were right, {cost} are enough"
-    if not math.isfinite(foreseen.half_width):
-        return f"--until {foreseen.until:.3g}: not reached, for no estimate explains {cost} of the nominal model"
+def describe_forecast(foreseen: dict[str, Any]) -> str:
+    """What a run until all lumps are known takes, as `check --json` has it, in a sentence."""
+    head, width = f"--until {foreseen['half_width']:.3g}: ", foreseen["reached_half_width"]
+    cost = f"{foreseen['trials']} trials, {foreseen['pushes']} pushes, {foreseen['minutes']:.3g} min of motion"
+    if foreseen["is_reached"]:
+        return f"{head}if the nominal model were right, {cost} are enough"
+    if width is None:
+        return f"{head}not reached, for no estimate explains {cost} of the nominal model"
     return (
-        f"--until {foreseen.until:.3g}: not reached, for after {cost} the least known is known to "
-        f"{foreseen.half_width:.2g} of it: push harder, longer, or with more pushes"
+        f"{head}not reached, for after {cost} the least known is known to {width:.2g} of it: push harder, longer, or "
+        "with more pushes"
     )
 
 
