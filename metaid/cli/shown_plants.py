@@ -83,6 +83,8 @@ def _arm(settings: ArmSettings, name: str, as_json: bool) -> None:
             **{key: _finite(getattr(tree, key)[i]) for key in ("low", "high")},
             "home": float(arm.home[i]),
             "torque_limit": _finite(tree.torque_limit[i]),
+            "stiffness": float(arm.stiffness[i]),
+            "slack": float(arm.slack[i]),
         }
         for i, name in enumerate(tree.names)
     ]
@@ -117,6 +119,7 @@ def _arm(settings: ArmSettings, name: str, as_json: bool) -> None:
         rows,
         f"{settings.kind} {Path(settings.file).name}; gravity {_three(tree.gravity)} m/s², timestep {arm.timestep} s"
         + "".join(f"; {name} {value}" for name, value in settings.faults.named.items())
+        + "".join(_spring(joint) for joint in joints if joint["stiffness"])
         + (f"; meshes that cannot be loaded, so that nothing keeps clear of them: {len(lost)}" if lost else ""),
         words=["kind"],
         dispensable=["home", "kind"],
@@ -149,6 +152,13 @@ def _lump_rows(names: Sequence[str], true: Array | None) -> list[dict[str, Any]]
 def _print_lumps(title: str, lumps: Sequence[dict[str, Any]]) -> None:
     rows = [[lump["name"], number_text(lump["true"]), lump["unit"]] for lump in lumps]
     print_table(title, ["lump", "value", "unit"], rows, words=["unit"])
+
+
+def _spring(joint: dict[str, Any]) -> str:
+    """The spring of a joint, as more of a sentence."""
+    turn, move = ("m", "N/m") if joint["kind"] == "slide" else ("rad", "N m/rad")
+    stiffness, slack = number_text(joint["stiffness"]), number_text(joint["slack"])
+    return f"; a spring in {joint['name']}, {stiffness} {move}, slack at {slack} {turn}"
 
 
 def _finite(value: float) -> float | None:

@@ -56,7 +56,7 @@ they survived to, and their value ranks them behind every survivor.
 def _estimate(shown: dict[str, Any]) -> str:
     """What all trials say together, below the lumps that a study stands by."""
     texts = estimate_texts(shown)
-    said = [escaped(texts["worth"])]
+    said = [texts["worth"] if shown["estimate"] else escaped(texts["worth"])]  # a reason may hold a user's words
     if texts["interval"]:
         said.append(f"Low and high are the {texts['interval']}.")
     if texts["known"]:

@@ -105,6 +105,17 @@ def test_arm_of_ones_own_is_found_beside_its_plant_file(metaid: Metaid) -> None:
     assert (shown["gravity"], link["rotor"], link["m"]) == ([0.0, 0.0, 0.0], 0.5, 2.0)
 
 
+def test_springs_of_an_arm_are_shown(metaid: Metaid) -> None:
+    """Where they are, in their units; a joint without one is not named."""
+    write("swing.toml", 'mjcf = "swing.xml"\nstiffness = { swing = 3.0 }\nslack = { swing = -0.2 }\n', swing_xml=SWING)
+    (joint,) = json.loads(metaid("plant", "show", "swing.toml", "--json").out)["joints"]
+    assert (joint["stiffness"], joint["slack"]) == (3.0, -0.2)
+    assert "a spring in swing, 3 N m/rad, slack at -0.2 rad" in " ".join(
+        metaid("plant", "show", "swing.toml").out.split()
+    )
+    assert "spring" not in metaid("plant", "show", "scara").out
+
+
 @pytest.mark.parametrize("name", ["scara", "bare.toml"])
 def test_arm_is_drawn_from_its_shapes_or_from_its_joints(metaid: Metaid, name: str) -> None:
     """A picture that is not blank, of a file without shapes, too."""
