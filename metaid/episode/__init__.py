@@ -5,7 +5,7 @@ chain and an arm differ in the `kind` of the episode alone. A measure turns a re
 what a searcher gets. No storage and no sampler.
 """
 
-from metaid.episode.episode import Episode, arm_episode
+from metaid.episode.episode import Episode, Spatial, arm_episode
 from metaid.episode.falls import FALL_LIMIT, FALL_MARGIN, RICH_FALL_LIMIT, RICH_RUNAWAY, FallRule
 from metaid.episode.measures import (
     MEASURES,
@@ -19,13 +19,11 @@ from metaid.episode.measures import (
 )
 from metaid.episode.noise import noise_of, with_deadband
 from metaid.episode.outcome import FALL_VALUE, Outcome, failure
-from metaid.episode.plausible import Calibration
-from metaid.episode.pushed import Pushed
+from metaid.episode.plausible import Calibration, KnownStarts
 from metaid.episode.pushes import REACH, natural_time, pushed_speeds, pushes_for, rich_pushes, rich_speeds, tip_push
 from metaid.episode.readings import SensorReadings, readings_before_fall
 from metaid.episode.record import GoesOn, Record, Trajectory, energies, same_record
 from metaid.episode.smoothing import NoiseFloor, noise_floor
-from metaid.episode.spatial import KnownStarts, Spatial
 from metaid.episode.stepwise import StepwiseLoop, WholeEpisodes, record_of, run_stepwise
 from metaid.episode.windows import (
     QUANTITIES,

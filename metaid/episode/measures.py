@@ -21,9 +21,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.episode.episode import Episode, Kind
+from metaid.episode.episode import PLANAR, Episode, Kind
 from metaid.episode.kinetic import kinetic_hz
-from metaid.episode.planar import PLANAR
 from metaid.episode.record import Record
 from metaid.episode.smoothing import smoothed_hz
 from metaid.errors import EpisodeError, unknown

@@ -37,6 +37,7 @@ SLOPE = 0.03  # s before it stopped, over which its speed is that of the angles
 FAST = 0.2  # of the fastest joint of a push: a slower one may stop
 CONSTANT = 10  # steps in which speeds may stay the same to the last digit, whatever the angles do
 COARSE_SPEED = 0.02  # of the largest speed: the resolution of a coarse speed sensor
+AWAY, OTHER_SPEED = 0.1, 0.2  # rad or m, and a share of the fastest joint: a start of an arm farther off is another
 REPLAYED = 0.02  # rad by which other torques would have turned a joint whose readings were there before
 
 _Text = Callable[[int], str]  # of a joint, what was seen of it or expected
@@ -275,3 +276,40 @@ class PushCheck:
                 f"plant {self._plant}: push {self._push + 1}, tick {self._tick}: joint {joint + 1} {seen(joint)} "
                 f"(expected: {expected(joint)})"
             )
+
+
+@dataclass(frozen=True, eq=False)
+class KnownStarts:
+    """Joint coordinates and speeds with which pushes of a rig were seen to begin (npush x 2 x njoint): `begun`."""
+
+    begun: Array
+
+    def check(self, plant: Any, push: int, _earlier: dict[bytes, Array]) -> StartCheck:
+        return StartCheck(plant.name, push, self.begun[push])
+
+
+@dataclass(frozen=True, eq=False)
+class StartCheck:
+    """Whether a `push` of a `plant` begins as it was seen to (2 x njoint)."""
+
+    plant: str
+    push: int
+    begun: Array
+
+    def begin(self, angles: Array, speeds: Array) -> None:
+        """Takes in the reading right after the push (njoint each).  Raises ImplausiblePlant."""
+        allowed = (AWAY, max(AWAY, OTHER_SPEED * float(np.abs(self.begun[1]).max())))
+        for what, unit, seen, known, most in zip(
+            ("is at", "turns at"), ("rad", "rad/s"), (angles, speeds), self.begun, allowed, strict=True
+        ):
+            for joint in np.flatnonzero(~(np.abs(seen - known) <= most))[:1]:
+                raise ImplausiblePlant(
+                    f"plant {self.plant}: push {self.push + 1}: joint {joint + 1} {what} {seen[joint]:.4g} {unit} at "
+                    f"its start (allowed: {known[joint]:.4g} ± {most:.2g} {unit}, as when the study was created)"
+                )
+
+    def step(self, angles: Array, speeds: Array, torque: Array) -> None:
+        """Nothing is known of the rest."""
+
+    def finish(self) -> None:
+        """Nothing is kept of it."""

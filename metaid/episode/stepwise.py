@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 
 from metaid.episode.episode import Episode
 from metaid.episode.noise import noise_of
-from metaid.episode.plausible import PushCheck
+from metaid.episode.plausible import PushCheck, StartCheck
 from metaid.episode.readings import readings_before_fall, told_times
 from metaid.episode.record import GoesOn, Motion, Record, Seen, Trajectory
-from metaid.episode.spatial import StartCheck
 from metaid.errors import AbsentPlant, ImplausiblePlant, LostPlant
 from metaid.models import Array
 from metaid.plant import FaultyPlant, SocketPlant

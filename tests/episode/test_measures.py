@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from metaid.episode import MEASURES, Episode, Record, crossing_hz, fall_value, get_measure, spectral_hz, whole_periods
+from metaid.episode.episode import PLANAR
 from metaid.episode.measures import alternation_periods, maxima_periods
-from metaid.episode.planar import PLANAR
 from metaid.episode.record import crossings, energies
 from metaid.errors import EpisodeError
 from metaid.models import Lumps

@@ -14,7 +14,7 @@ from metaid.compiled.sensed_loop import SensedLoop, command, follow
 from metaid.compiled.spatial.dynamics import Frames, Space, fill_law, frames_of, kinetic_squares, new_space
 from metaid.compiled.stages import Step
 from metaid.compiled.undocumented import class_of
-from metaid.episode import Episode, Pushed, Spatial
+from metaid.episode import Episode, Spatial
 from metaid.models import Array
 from metaid.plant import ArmPlant
 
@@ -46,7 +46,7 @@ class ArmWatch(NamedTuple):
     jump: Array
 
 
-def arm_law(frames: Frames, parameters: Array, episode: Pushed) -> ArmLaw:
+def arm_law(frames: Frames, parameters: Array, episode: Episode) -> ArmLaw:
     """A law of these `parameters` (njoint x 13) in an `episode` of an arm, whose joints are as the `frames` say."""
     n, pushed = len(parameters), (episode.states, episode.springs)
     return ArmLaw(frames, np.array(parameters, order="C"), *pushed, np.zeros(n), new_space(n))
@@ -87,7 +87,7 @@ def commanded_arm_torques(
 class QuickSpatial(Spatial):
     """The same with the law compiled: a rig has no time to wait for it between two ticks."""
 
-    def torques(self, law: Array, plant: Any, episode: Pushed) -> Callable[[int, Array, Array], Array]:
+    def torques(self, law: Array, plant: Any, episode: Episode) -> Callable[[int, Array, Array], Array]:
         sent = arm_law(frames_of(self.nominal), law, episode)
 
         def torque(push: int, angles: Array, speeds: Array) -> Array:
