@@ -13,11 +13,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from metaid.compiled import compiled, factorise, solve
 from metaid.estimation.log_unknowns import Columns, LogUnknowns
-from metaid.estimation.trials import NOTHING_FURTHER, Further, Joints
+from metaid.estimation.trials import Further, Joints
 from metaid.estimation.twin.joints import joint_force
 from metaid.estimation.twin.workspace import Beside, beside, no_joints
 from metaid.models import Array, Lumps
@@ -78,21 +77,14 @@ class PlanarSpace(NamedTuple):
 
 
 def planar_balance(
-    law: Lumps | None,
-    lumps: Lumps,
-    gravity: float,
-    stiffness: float = 0.0,
-    joints: Joints | None = None,
-    is_continuous: bool = False,
-    rubs: bool = False,
+    law: Lumps | None, lumps: Lumps, gravity: float, joints: Joints | None, is_continuous: bool, rubs: bool
 ) -> PlanarBalance:
-    """What the motion of a chain under a law follows from.
+    """What the motion of a chain under a law follows from, which is without springs.
 
     Args:
         law: the lumps of the law; without one only the chain's own forces act.
         lumps: of the chain.
         gravity: in m/s².
-        stiffness: of the law, in 1/s².
         joints: what they have beside the lumps; None for nothing.
         is_continuous: whether the twin takes Runge-Kutta steps.
         rubs: whether dry friction of the joints builds up in these, if there is none yet.
@@ -116,11 +108,11 @@ def planar_balance(
         rotor=np.array(joints.rotor),
         law_coriolis=np.array(law.coriolis),
         law_inertia=np.array(law.of("inertia")),
-        stiffness=float(stiffness),
+        stiffness=0.0,
     )
 
 
-def planar_derivatives(unknowns: LogUnknowns, lumps: Lumps, further: Further = NOTHING_FURTHER) -> PlanarDerivatives:
+def planar_derivatives(unknowns: LogUnknowns, lumps: Lumps, further: Further) -> PlanarDerivatives:
     """Those of the `lumps` by the `unknowns`: of what is a multiple of a parameter, by the logarithm of that, it is
     itself. And those by what is `further` unknown, whose torques are those of the first push.
     """
@@ -136,11 +128,6 @@ def planar_derivatives(unknowns: LogUnknowns, lumps: Lumps, further: Further = N
         columns=unknowns.columns,
         beside=beside(further, *of_joints, len(unknowns.names)),
     )
-
-
-def planar_space(nlink: int) -> tuple[NDArray[np.int64], PlanarSpace]:
-    """The link below each joint (nlink), and what the kernel works in."""
-    return np.arange(-1, nlink - 1), PlanarSpace(np.zeros(nlink), np.zeros(nlink), np.zeros((nlink, nlink)))
 
 
 @compiled

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.estimation.trials import NOTHING_FURTHER, Further, Joints, ReadTrial, WatchedTrial
+from metaid.estimation.trials import NOTHING_FURTHER, Further, Joints, WatchedTrial
 from metaid.estimation.twin.shown import Motion
 from metaid.estimation.twin.spatial_motion import (
     COULOMB,
@@ -49,18 +49,13 @@ class SpatialTwin(Twin):
             raise ValueError("the twin of an arm shows no energies")
         return super().watch(trial, windows)
 
-    def under_law(self, trial: WatchedTrial) -> tuple[SpatialBalance, SpatialDerivatives]:
-        return self._moving(trial.law, None, False, NOTHING_FURTHER)
-
-    def driven(
-        self, trial: ReadTrial, joints: Joints | None, further: Further
+    def moving(
+        self,
+        law: Array | None,
+        joints: Joints | None = None,
+        is_continuous: bool = False,
+        further: Further = NOTHING_FURTHER,
     ) -> tuple[SpatialBalance, SpatialDerivatives]:
-        return self._moving(None, joints, trial.is_continuous, further)
-
-    def _moving(
-        self, law: Array | None, joints: Joints | None, is_continuous: bool, further: Further
-    ) -> tuple[SpatialBalance, SpatialDerivatives]:
-        """What it moves by, under a `law` (njoint x 13) if there is one, and the derivatives of that."""
         dry = self.parameters[:, COULOMB] + (0.0 if joints is None else joints.dry)
         sticks = bool(dry.any()) and not is_continuous
         balance = spatial_balance(

@@ -52,12 +52,17 @@ class Twin(ABC):
         """The link below each joint (njoint), -1 for none, and what a thread's kernel works in."""
 
     @abstractmethod
-    def under_law(self, trial: WatchedTrial) -> tuple[Any, Any]:
-        """What it moves by under the law of a trial, without springs, and the derivatives of that."""
+    def moving(
+        self, law: Any, joints: Joints | None = None, is_continuous: bool = False, further: Further = NOTHING_FURTHER
+    ) -> tuple[Any, Any]:
+        """What it moves by, and the derivatives of that.
 
-    @abstractmethod
-    def driven(self, trial: ReadTrial, joints: Joints | None, further: Further) -> tuple[Any, Any]:
-        """What it moves by where there is no law, with its derivatives, also by what is `further` unknown."""
+        Args:
+            law: that it is sent, without springs; None where only its own forces act, and what was commanded.
+            joints: what they have beside the parameters; None for nothing.
+            is_continuous: whether it takes Runge-Kutta steps.
+            further: what is unknown beside the robot.
+        """
 
     def by_unknowns(self, slopes: Array) -> Array:
         """The derivatives by the unknowns (... x nunknown), of those by what the kernel differentiates by."""
@@ -88,7 +93,7 @@ class Twin(ABC):
         nunknown, shape = len(self.point), (npush, len(ends), n)
         angles, speeds, by_angle, by_speed = shown = (*np.zeros((2, *shape)), *np.zeros((2, *shape, nunknown)))
         reached, stiffness = np.zeros(npush, dtype=np.int64), np.broadcast_to(trial.stiffness, npush)
-        balance, derivatives = self.under_law(trial)
+        balance, derivatives = self.moving(trial.law)
 
         def run(pushes: Iterator[int]) -> None:
             room = workspace(*self.space, nunknown)
@@ -133,7 +138,7 @@ class Twin(ABC):
         basis = [np.ascontiguousarray(each) for each in basis]
         (npush, _, n), coefficients, nunknown = starts.shape, basis[0].shape[1], len(self.point)
         extra = 0 if trial.start_spread is None else trial.start_spread.shape[-1]
-        balance, by = self.driven(trial, joints, further)
+        balance, by = self.moving(None, joints, trial.is_continuous, further)
         idle = n if extra and trial.is_continuous and not balance.dry.any() else 0  # shares of no friction
         if idle:
             starts, extra = np.ascontiguousarray(starts[:, :2]), extra - idle
@@ -182,7 +187,7 @@ class Twin(ABC):
         links, both = self.links, np.kron(np.eye(2), self.links)
         of_reading = (links * trial.noise**2) @ links.T
         covariances, seen = np.ascontiguousarray(both @ begins @ both.T), trial.readings @ links.T
-        forces, (balance, _) = self._forces(trial), self.alone.driven(trial, joints, NOTHING_FURTHER)
+        forces, (balance, _) = self._forces(trial), self.alone.moving(None, joints, trial.is_continuous)
         multiplications = int(trial.steps[pushes].sum()) * trial.substeps * 20 * n**3 * _stages(trial)
 
         def run(of_torque: Array, is_kept: bool) -> Run:
