@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from metaid.compiled import compiled, fused
 from metaid.estimation.twin.flow import flow
-from metaid.estimation.twin.joints import joint_state
+from metaid.estimation.twin.joints import joint_slopes, joint_state
 from metaid.estimation.twin.state import set_off
 
 
@@ -65,13 +65,8 @@ def _add_slopes(polynomials, work, slopes):  # type: ignore[no-untyped-def]
     """Adds what it has of their derivatives. `changed` is free until the next step."""
     njoint, ncoefficient, nunknown = slopes.shape
     for i in range(njoint):
-        own, joint = work.moved[i], work.changed[0, :nunknown]
-        for p in range(joint.shape[0]):
-            joint[p] = own[p]
-        if work.below[i] >= 0:
-            below = work.moved[work.below[i]]
-            for p in range(joint.shape[0]):
-                joint[p] -= below[p]
+        joint = work.changed[0, :nunknown]
+        joint_slopes(i, 0, joint, work)
         for k in range(ncoefficient):
             polynomial, row = polynomials[k], slopes[i, k]
             for p in range(row.shape[0]):

@@ -22,6 +22,18 @@ def joint_state(joint, work):  # type: ignore[no-untyped-def]
 
 
 @compiled
+def joint_slopes(joint, first, slopes, work):  # type: ignore[no-untyped-def]
+    """Fills in derivatives (nunknown) of what a joint has of the rows of `moved` from the `first` on."""
+    own, below = work.moved[first + joint], work.below[joint]
+    for p in range(slopes.shape[0]):
+        slopes[p] = own[p]
+    if below >= 0:
+        other = work.moved[first + below]
+        for p in range(slopes.shape[0]):
+            slopes[p] -= other[p]
+
+
+@compiled
 def joint_force(joint, balance, work):  # type: ignore[no-untyped-def]
     """The torque in a joint, in N m; keeps the share of dry friction, and what cogging's derivatives need."""
     angle, speed = joint_state(joint, work)

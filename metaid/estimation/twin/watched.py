@@ -6,7 +6,7 @@ A step is the simulated plant's, ω ← ω + h α and then φ ← φ + h ω. `ta
 from __future__ import annotations
 
 from metaid.compiled import compiled
-from metaid.estimation.twin.joints import joint_state
+from metaid.estimation.twin.joints import joint_slopes, joint_state
 from metaid.estimation.twin.kernels import accelerate, force_by_unknowns, linearise
 from metaid.estimation.twin.state import move, set_off
 from metaid.estimation.twin.tangent import accelerate_tangent, move_tangent
@@ -42,19 +42,7 @@ def watch_push(start, balance, derivatives, timestep, ends, work, shown):  # typ
         if step == ends[window]:
             for i in range(n):
                 angles[window, i], speeds[window, i] = joint_state(i, work)
-                _show_slopes(i, 0, by_angle[window, i], work)
-                _show_slopes(i, n, by_speed[window, i], work)
+                joint_slopes(i, 0, by_angle[window, i], work)
+                joint_slopes(i, n, by_speed[window, i], work)
             window += 1
     return window
-
-
-@compiled
-def _show_slopes(joint, first, slopes, work):  # type: ignore[no-untyped-def]
-    """Fills in derivatives (nunknown) of what a joint has of the rows of `moved` from the `first` on."""
-    own = work.moved[first + joint]
-    for p in range(slopes.shape[0]):
-        slopes[p] = own[p]
-    if work.below[joint] >= 0:
-        below = work.moved[first + work.below[joint]]
-        for p in range(slopes.shape[0]):
-            slopes[p] -= below[p]
