@@ -107,6 +107,11 @@ class ReadTrial:
     is_continuous: bool = False
     times: Array | None = None
 
+    @property
+    def period(self) -> float:
+        """Between two readings, and between two torques, in s."""
+        return self.timestep * self.substeps
+
     @cached_property
     def timesteps(self) -> Array:
         """What each step is made of (npush x nstep), in s."""

@@ -83,7 +83,7 @@ def test_torque_that_changes_within_a_step_moves_a_body_as_far_as_it_does(kind: 
     lumps = watched(1, 1).nominal.lumps
     searched = replace(searched_faults((kind,), LogUnknowns(lumps, GRAVITY), np.ones((1, 1))), scales=np.ones(1))
     unknown = late_by if kind == "delay" else np.log(late_by / 2e-3)
-    steps = searched.delivered(trial, period, np.array([unknown]))[0, :, 0]
+    steps = searched.delivered(trial, np.array([unknown]))[0, :, 0]
     times = (np.arange(nstep * fine) + 0.5) * period / fine
     if kind == "delay":
         row = np.floor((times - late_by) / period).astype(int)
@@ -235,8 +235,8 @@ def test_faults_that_change_torques_are_those_by_which_delivered_torques_change(
     names, random = fault_names(kinds, 2), np.random.default_rng(0)
     faults = SearchedFaults(kinds, 2, np.full(len(names), 0.1), teeth=5, limits=np.full(2, 0.5))
     readings, torques = random.normal(size=(1, 9, 2)), random.normal(size=(1, 8, 2))
-    trial = ReadTrial(TIMESTEP, readings, torques, np.array([8]), np.zeros((1, 2)), None, np.full(2, NOISE))
-    here, step, period = np.full(len(names), 0.3), 0.1 * np.eye(len(names)), 0.02
-    before = faults.delivered(trial, period, here)
-    changes = [(faults.delivered(trial, period, here + each) != before).any() for each in step]
+    trial = ReadTrial(0.02, readings, torques, np.array([8]), np.zeros((1, 2)), None, np.full(2, NOISE))
+    here, step = np.full(len(names), 0.3), 0.1 * np.eye(len(names))
+    before = faults.delivered(trial, here)
+    changes = [(faults.delivered(trial, here + each) != before).any() for each in step]
     assert faults.is_of_torque.tolist() == changes

@@ -154,32 +154,31 @@ class SearchedFaults:
         cogging[..., :2, :] = of("cogging", 2 * n).reshape(*values.shape[:-1], 2, n)
         return Joints(viscous, dry, spring, offset, of("tilt", self.tilts), rotor, of("presliding", 1), cogging)
 
-    def further(self, trial: ReadTrial, period: float, unknowns: Array, acted: Array) -> Further:
+    def further(self, trial: ReadTrial, unknowns: Array, acted: Array) -> Further:
         """What the torques and the joints change by with each of the `unknowns` (nfault), those of torques first.
 
         Args:
             trial: with the torques that were commanded.
-            period: from one to the next, in s.
             unknowns: where the faults are.
             acted: the torques that are `delivered` there.
         """
-        steps, arrived = STEP * np.eye(len(unknowns))[self.is_of_torque], self._arriving(trial, period, unknowns)
+        steps, arrived = STEP * np.eye(len(unknowns))[self.is_of_torque], self._arriving(trial, unknowns)
         torques = []
         for step, is_behind in zip(steps, self._is_behind[self.is_of_torque], strict=True):
-            arriving = arrived if is_behind else self._arriving(trial, period, unknowns + step)
+            arriving = arrived if is_behind else self._arriving(trial, unknowns + step)
             torques.append((self._made_of(arriving, unknowns + step) - acted) / STEP)
         slopes = (self.values(unknowns + STEP) - self.values(unknowns)) / STEP
         others = np.diag(slopes)[~self.is_of_torque]
         joints = self._joints(others) if len(others) else None
         return Further(np.stack(torques, axis=-1) if torques else np.empty((*acted.shape, 0)), joints)
 
-    def delivered(self, trial: ReadTrial, period: float, unknowns: Array) -> Array:
-        """The torques (npush x nstep x njoint), in N m, that act in place of those of a `trial`, one each `period` s,
-        at these `unknowns` (nfault); in the order of C: for another, loops are compiled anew.
+    def delivered(self, trial: ReadTrial, unknowns: Array) -> Array:
+        """The torques (npush x nstep x njoint), in N m, that act in place of those of a `trial`, at these `unknowns`
+        (nfault); in the order of C: for another, loops are compiled anew.
         """
-        return self._made_of(self._arriving(trial, period, unknowns), unknowns)
+        return self._made_of(self._arriving(trial, unknowns), unknowns)
 
-    def _arriving(self, trial: ReadTrial, period: float, unknowns: Array) -> Array:
+    def _arriving(self, trial: ReadTrial, unknowns: Array) -> Array:
         """What drives are asked for when, before they make torques of it."""
         found, torques = self._by_kind(unknowns), trial.torques
         if "limit" in found:
@@ -187,9 +186,9 @@ class SearchedFaults:
             torques = np.clip(torques, -limits, limits)
         early = np.zeros_like(torques)
         if "delay" in found:
-            torques, early = late(torques, float(found["delay"][0]) / period)
+            torques, early = late(torques, float(found["delay"][0]) / trial.period)
         if "lag" in found:
-            torques, earlier = lagging(torques, float(found["lag"][0]) / period)
+            torques, earlier = lagging(torques, float(found["lag"][0]) / trial.period)
             early = early + earlier
         if trial.is_continuous:
             torques = torques + np.diff(early, axis=1, prepend=0.0)  # Eq. 41

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.estimation.noisy.readings import Readings
-from metaid.estimation.trials import Gains, started
+from metaid.estimation.trials import Gains
 from metaid.estimation.twin import Filter
 from metaid.models import Array
 
@@ -72,16 +72,14 @@ class Innovations(Readings):
     def _filter(self, number: int, point: Array, most: int | None) -> Filter:
         """That of a trial."""
         unknowns, whitened = self._of_trial(number, point)
-        log_factors, faults = self._parted(unknowns)
         trial, n = self.trials[number], len(self.trials[number].noise)
         pushes = np.flatnonzero(trial.steps > 0)
         if most is not None:
             trial = trial.only(pushes[:: -(-len(pushes) // most) or 1])
             pushes = np.arange(len(trial.steps))
-        trial = self._delivered(trial, faults)
-        starts, begins = started(trial, whitened, most is None), np.zeros((len(trial.steps), 2 * n, 2 * n))
+        posed, begins = self._posed(trial, unknowns, whitened, most is None), np.zeros((len(trial.steps), 2 * n, 2 * n))
         if most is not None and trial.start_spread is not None:
-            own = starts.shape[1] * n - trial.start_spread.shape[-1]
+            own = posed.starts.shape[1] * n - trial.start_spread.shape[-1]
             moved = trial.start_spread[:, : 2 * n - own]  # without what friction begins with
             begins[:, own:, own:] = moved @ moved.swapaxes(1, 2)
-        return self._twin(log_factors).lead(trial, starts, begins, pushes, self._joints(faults))
+        return posed.twin.lead(posed.trial, posed.starts, begins, pushes, posed.joints)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property, lru_cache, partial
-from typing import ClassVar, TypeVar
+from typing import ClassVar, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -47,6 +47,24 @@ DEGREE = 9  # of the polynomials that smooth the angles of a push
 DRAWN = 100  # readings of a push that a replay keeps
 
 Seen = TypeVar("Seen")
+
+
+class Posed(NamedTuple):
+    """A `trial` with the torques that acted, and the `twin` that is driven through it: with the joint coordinates and
+    speeds of its `starts` (npush x 2 x njoint), and where the plant moves continuously the shares with which dry
+    friction begins (npush x 3 x njoint); what `joints` have beside the parameters, None for nothing; and the unknown
+    `faults` (nfault) that all of this is with.
+    """
+
+    trial: ReadTrial
+    starts: Array
+    twin: Twin
+    joints: Joints | None
+    faults: Array
+
+    def of(self, twin: Twin) -> Posed:
+        """The same of a `twin` of which nothing is unknown, nor of the starts."""
+        return self._replace(trial=replace(self.trial, start_spread=None), twin=twin)
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,22 +193,19 @@ class Readings:
 
     def replay(self, number: int, point: Array) -> Replay:
         """The trial of that `number`, some of its readings left out, and the twin at a `point` in its place."""
-        trial, (unknowns, whitened) = self.trials[number], self._of_trial(number, point)
-        log_factors, faults = self._parted(unknowns)
-        starts = started(trial, whitened)
+        trial, posed = self.trials[number], self._posed_at(number, point)
         (npush, nreading, _), last = trial.readings.shape, self._windows[number].ends[-1]
         kept = np.unique(np.linspace(0, last, min(last, DRAWN) + 1).round().astype(int))
         basis = np.zeros((nreading, len(kept)))
         basis[kept, np.arange(len(kept))] = 1.0  # each coefficient is the angle at one reading
-        twin, steps = self._twin(log_factors).alone, np.minimum(trial.steps, last)
-        alike, joints = replace(self._delivered(trial, faults), start_spread=None), self._joints(faults)
-        motion = twin.drive(alike, starts, steps, np.tile(basis, (npush, 1, 1)), joints)
+        steps, bare = np.minimum(trial.steps, last), posed.of(posed.twin.alone)
+        motion = bare.twin.drive(bare.trial, bare.starts, steps, np.tile(basis, (npush, 1, 1)), bare.joints)
         shown = (kept <= steps[:, None]) & (steps[:, None] > 0)
         seen = np.where(shown[..., None], trial.readings[:, kept], np.nan)
         simulated = np.full_like(seen, np.nan)
         if motion is not None:
             simulated[shown] = motion.values.swapaxes(1, 2)[shown]
-        return Replay(trial.timestep * trial.substeps * kept, seen, simulated, trial.noise, self.unknowns.joints)
+        return Replay(trial.period * kept, seen, simulated, trial.noise, self.unknowns.joints)
 
     def _compare(
         self,
@@ -213,31 +228,27 @@ class Readings:
                 are behind those by the unknowns.
             by_faults: whether there are derivatives by the faults among the unknowns.
         """
-        log_factors, faults = self._parted(unknowns)
-        trial = self._delivered(self.trials[number], faults)
+        posed = self._posed(self.trials[number], unknowns, whitened)
         further, columns = NOTHING_FURTHER, np.empty(0, dtype=np.intp)
         if by_faults:
-            further, columns = self._further(number, faults, trial.torques, torques)
-        starts, joints = started(trial, whitened), self._joints(faults)
-        left = self._left(number, trial, starts, windows, self._twin(log_factors), joints, further)
+            further, columns = self._further(number, posed, torques)
+        left = self._left(number, posed, windows, further)
         if left is None:
             return None
-        npush, count = len(starts), len(log_factors)
+        npush, count, spread = len(posed.starts), len(self.unknowns.names), posed.trial.start_spread
         slopes = left.slopes.reshape(npush, left.values[0].size, -1)
-        if trial.start_spread is not None:
-            slopes[..., count + further.size :] = slopes[..., count + further.size :] @ trial.start_spread
+        if spread is not None:
+            slopes[..., count + further.size :] = slopes[..., count + further.size :] @ spread
         slopes[..., count : count + further.size] = slopes[..., count + columns]
         return left.values.reshape(npush, -1), slopes
 
-    def _further(
-        self, number: int, faults: Array, acted: Array, torques: Array | None
-    ) -> tuple[Further, NDArray[np.intp]]:
-        """What the `faults` and the sizes of further `torques` change in a trial, of which torques `acted`, and where
-        of each in turn it stands.
+    def _further(self, number: int, posed: Posed, torques: Array | None) -> tuple[Further, NDArray[np.intp]]:
+        """What the faults and the sizes of further `torques` change in a trial as it is `posed`, and where of each in
+        turn it stands.
         """
-        further, trial = NOTHING_FURTHER, self.trials[number]
-        if len(faults):
-            further = self.faults.further(trial, trial.timestep * trial.substeps, faults, acted)
+        further, acted = NOTHING_FURTHER, posed.trial.torques
+        if len(posed.faults):
+            further = self.faults.further(self.trials[number], posed.faults, acted)
         is_of_torque = self.faults.is_of_torque
         more = 0 if torques is None else len(torques)
         if torques is not None:
@@ -250,53 +261,30 @@ class Readings:
         """What a trial shows at a `point` on the longest of the first `windows` windows (npush x nvalue), without
         derivatives; None where the twin cannot follow.
         """
-        unknowns, whitened = self._of_trial(number, point)
-        log_factors, faults = self._parted(unknowns)
-        return self._shown(number, self._twin(log_factors).alone, faults, whitened, windows)
+        posed = self._posed_at(number, point)
+        return self._shown(number, posed.of(posed.twin.alone), windows)
 
-    def _shown(self, number: int, twin: Twin, faults: Array, whitened: Array, windows: int) -> Array | None:
-        """What a robot of which nothing is unknown shows in a trial (npush x nvalue), or None: its twin cannot follow.
+    def _shown(self, number: int, bare: Posed, windows: int) -> Array | None:
+        """The same of a robot of which nothing is unknown."""
+        left = self._left(number, bare, windows)
+        return None if left is None else left.values.reshape(len(bare.starts), -1)
 
-        Args:
-            number: of the trial.
-            twin: of the robot.
-            faults: the unknown ones (nfault).
-            whitened: what each push has alone (npush x nextra).
-            windows: of which the longest is watched.
-        """
-        trial = self._delivered(self.trials[number], faults)
-        starts, bare = started(trial, whitened), replace(trial, start_spread=None)
-        left = self._left(number, bare, starts, windows, twin, self._joints(faults))
-        return None if left is None else left.values.reshape(len(starts), -1)
-
-    def _left(
-        self,
-        number: int,
-        trial: ReadTrial,
-        starts: Array,
-        windows: int,
-        twin: Twin,
-        joints: Joints | None,
-        further: Further = NOTHING_FURTHER,
-    ) -> Coefficients | None:
+    def _left(self, number: int, posed: Posed, windows: int, further: Further = NOTHING_FURTHER) -> Coefficients | None:
         """What a twin shows less what was read, scaled by the noise, and its derivatives; where it is led by what was
         read, its whitened innovations. None where it cannot follow.
 
         Args:
             number: of the trial.
-            trial: with the torques that acted.
-            starts: joint coordinates and speeds (npush x 2 x njoint) right after each push.
+            posed: with its twin.
             windows: of which the longest is watched.
-            twin: of the robot.
-            joints: what they have beside the lumps; None for nothing.
-            further: what is unknown beside them.
+            further: what is unknown beside the robot.
         """
-        (chosen, steps), basis = self._longest(number, windows), self._windows[number].basis
-        led = self._gains(number)
-        driven = twin.drive(trial, starts, steps, [basis[window] for window in chosen], joints, further, led)
+        chosen, steps = self._longest(number, windows)
+        basis, led = [self._windows[number].basis[window] for window in chosen], self._gains(number)
+        driven = posed.twin.drive(posed.trial, posed.starts, steps, basis, posed.joints, further, led)
         if driven is None or led is not None:
             return driven
-        unit = 1.0 / trial.noise[None, :, None]
+        unit = 1.0 / posed.trial.noise[None, :, None]
         return Coefficients(unit * (driven.values - self._read(number, windows)), unit[..., None] * driven.slopes)
 
     @cached_property
@@ -321,10 +309,6 @@ class Readings:
         """Of the filter that leads the twin through a trial; None where nothing does."""
         return None
 
-    def _twin(self, log_factors: Array) -> Twin:
-        """The robot with these `log_factors` (nunknown); the same for all trials."""
-        return self._last_twin(log_factors.tobytes())
-
     @cached_property
     def _last_twin(self) -> Callable[[bytes], Twin]:
         """The robot by its log factors (nunknown); what follows from these alone is worked out once."""
@@ -336,20 +320,19 @@ class Readings:
         first = count + sum(each.extras for each in self.trials[:number])
         return point[:count], point[first : first + trial.extras].reshape(len(trial.steps), -1)
 
-    def _parted(self, unknowns: Array) -> tuple[Array, Array]:
-        """The unknowns of the robot (nunknown) and the faults (nfault) among the `unknowns` of all pushes."""
-        return unknowns[: len(self.unknowns.names)], unknowns[len(self.unknowns.names) :]
+    def _posed_at(self, number: int, point: Array) -> Posed:
+        """A trial at a `point`."""
+        return self._posed(self.trials[number], *self._of_trial(number, point))
 
-    def _delivered(self, trial: ReadTrial, faults: Array) -> ReadTrial:
-        """A `trial` with the torques that acted, with these unknown `faults` (nfault), in place of those commanded."""
-        if not self.faults.names:
-            return trial
-        period = trial.timestep * trial.substeps
-        return replace(trial, torques=self.faults.delivered(trial, period, faults))
-
-    def _joints(self, faults: Array) -> Joints | None:
-        """What the joints have with these unknown `faults` (nfault); None where none is searched."""
-        return self.faults.joints(faults) if self.faults.names else None
+    def _posed(self, trial: ReadTrial, unknowns: Array, whitened: Array, is_moved: bool = True) -> Posed:
+        """A trial at the unknowns of all pushes (nunknown); see `started` for how its pushes begin."""
+        count, joints = len(self.unknowns.names), None
+        faults = unknowns[count:]
+        starts = started(trial, whitened, is_moved)
+        if self.faults.names:
+            trial = replace(trial, torques=self.faults.delivered(trial, faults))
+            joints = self.faults.joints(faults)
+        return Posed(trial, starts, self._last_twin(unknowns[:count].tobytes()), joints, faults)
 
     def _compare_moved(
         self, number: int, unknowns: Array, whitened: Array, values: Array, moved: Sequence[Unknowns]
@@ -357,9 +340,9 @@ class Readings:
         """What the `values` of a trial on its longest windows change by (npush x nvalue x nmoved) with each robot that
         is `moved`. None where its twin cannot follow.
         """
-        faults, changes = self._parted(unknowns)[1], np.zeros((*values.shape, len(moved)))
+        posed, changes = self._posed(self.trials[number], unknowns, whitened), np.zeros((*values.shape, len(moved)))
         for column, robot in enumerate(moved):
-            shown = self._shown(number, twin_of(robot, np.empty(0)), faults, whitened, self.stages)
+            shown = self._shown(number, posed.of(twin_of(robot, np.empty(0))), self.stages)
             if shown is None:
                 return None
             changes[..., column] = shown - values

@@ -214,7 +214,7 @@ class Combining:
 def combining_of(readings: Readings, search: Search, torque_noise: Array) -> Combining | None:
     """The pushes in two parts, of a real plant with readings no closer than DENSEST; None where there are too few."""
     trials = [
-        trial.thinned(max(int(DENSEST / (trial.timestep * trial.substeps)), 1)) if trial.is_continuous else trial
+        trial.thinned(max(int(DENSEST / trial.period), 1)) if trial.is_continuous else trial
         for trial in readings.trials
     ]
     try:

@@ -133,7 +133,7 @@ def _torques(trial: ReadTrial, angles: Array, speeds: Array) -> dict[str, Array]
     """The joint torques that forces of one unit would add to those commanded, where joints have such `angles`, in rad,
     and `speeds`, in rad/s, at each step (npush x nstep x njoint): by kind (nsize x npush x nstep x njoint), in N m.
     """
-    timestep, joints = trial.timestep * trial.substeps, np.eye(trial.start_speeds.shape[1])
+    joints = np.eye(trial.start_speeds.shape[1])
     sides = np.clip(speeds / SLIDING, -1.0, 1.0)
     earlier = np.zeros_like(trial.torques)
     earlier[:, 1:] = trial.torques[:, :-1]
@@ -142,5 +142,5 @@ def _torques(trial: ReadTrial, angles: Array, speeds: Array) -> dict[str, Array]
         "damping": -speeds * joints[:, None, None],
         "coulomb": -sides * joints[:, None, None],
         STICTION: -sides * np.exp(-((speeds / NEAR_REST) ** 2)) * joints[:, None, None],
-        "delay": ((earlier - trial.torques) / timestep)[None],
+        "delay": ((earlier - trial.torques) / trial.period)[None],
     }
