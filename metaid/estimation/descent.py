@@ -39,6 +39,11 @@ class Residuals:
     count: int
     following: Array
 
+    @property
+    def misfit(self) -> float:
+        """Root mean square of all of them, scaled by what noise or rounding explains."""
+        return float(np.sqrt(2.0 * self.cost / self.count))
+
 
 class Fitted(Protocol):
     """What is fitted: residuals as a function of unknowns, on windows that grow from stage to stage."""

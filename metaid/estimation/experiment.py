@@ -184,9 +184,9 @@ class Experiment:
         """The same, made now."""
         if self.takes_up and start is None and self.loop is not None:
             found = self._fitted(trials, None, thorough)
-            return found if found is None or found.is_explained else self._taken_up(trials, found)[0]
+            return found if found is None else self.taken_up(trials, found)[0]
         if self.takes_up and start is not None and start.faults is not None:
-            return self._searching(start.faults.searched).estimate(trials, start, thorough)
+            return self.searching(start).estimate(trials, start, thorough)
         if start is not None and start.led_misfit is not None:
             gone_on = led(self._readings(trials), start)
             if gone_on is not None:
@@ -205,11 +205,11 @@ class Experiment:
         except ValueError:
             return None
 
-    def _fit(self, compared: Any, begin: Array | None, restarts: int) -> Found:
-        """What is `compared` says of the robot.  Raises ValueError where no robot shows what was seen."""
+    def _fit(self, compared: Any, begin: Array | None, restarts: int) -> Found | None:
+        """What is `compared` says of the robot; None where no robot shows what was seen."""
         if isinstance(compared, Innovations) and self.torque_noise is not None:
             return fit_with_torque_noise(compared, begin, self.torque_noise)
-        found: Found = fit(compared, begin, restarts, refines=self.unknowns.leads_on and begin is not None)
+        found: Found | None = fit(compared, begin, restarts, refines=self.unknowns.leads_on and begin is not None)
         return found
 
     def unmodelled(self, trials: Sequence[Any], estimate: Found) -> list[Unmodelled]:
@@ -228,9 +228,6 @@ class Experiment:
         """
         if not self.takes_up or self.loop is None or (estimate.is_explained and estimate.faults is None):
             return estimate, None
-        return self._taken_up(trials, estimate)
-
-    def _taken_up(self, trials: Sequence[Any], estimate: Found) -> tuple[Found, TakenUp | None]:
         return take_up(self._readings(trials), estimate, self._search, self._some_torque)
 
     def as_possible(self, trials: Sequence[Any], estimate: Found) -> Found:
@@ -239,7 +236,9 @@ class Experiment:
 
     def searching(self, estimate: Found) -> Experiment:
         """The same where the faults that an `estimate` has taken up are searched from the first trial on."""
-        return self._searching(estimate.faults.searched) if self.takes_up and estimate.faults is not None else self
+        if not self.takes_up or estimate.faults is None:
+            return self
+        return replace(self, faults=estimate.faults.searched, takes_up=False)
 
     def proposed(self, trials: Sequence[Any], estimate: Found) -> Proposal | None:
         """Faults that would explain what an `estimate` of the `trials` does not, if they were searched, too. None where
@@ -316,10 +315,6 @@ class Experiment:
     def _search(self, kinds: tuple[str, ...]) -> SearchedFaults:
         """Faults of these `kinds` as unknowns."""
         return searched_faults(kinds, self.unknowns, self.starts[:, 1], self.faults.teeth)
-
-    def _searching(self, faults: SearchedFaults) -> Experiment:
-        """The same where these `faults` are searched from the first trial on."""
-        return replace(self, faults=faults, takes_up=False)
 
     @property
     def _some_torque(self) -> Array:

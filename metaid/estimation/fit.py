@@ -62,7 +62,8 @@ def fit(
     refines: bool = False,
     explains: bool = False,
 ) -> Any:
-    """The robot that all trials of a `comparison` lead to: a `Found`.
+    """The robot that all trials of a `comparison` lead to, a `Found`; None where the twin cannot follow the trials from
+    any start, or explains them from none though it is to.
 
     Args:
         comparison: what is compared with the twin.
@@ -73,14 +74,11 @@ def fit(
             wrong minimum.
         refines: whether all windows are compared from the `start` on, where that is in the valley of the truth.
         explains: whether a fit is wanted only where it explains what was seen: then what will not is given up early.
-
-    Raises:
-        ValueError: the twin cannot follow the trials from any start, or explains them from none though it is to.
     """
     found = _refined(comparison, start) if refines and start is not None else None
     found = found or _found(comparison, begun(comparison, start), restarts, explains)
     if found is None:
-        raise ValueError("no robot near the nominal one moves through any window: the nominal model is none's")
+        return None
     place, robot, faults = found.place, comparison.unknowns, None
     covariance, count = covariance_at(place, comparison.spreads), len(robot.names)  # Eq. 27
     if comparison.faults.names:
@@ -91,7 +89,7 @@ def fit(
         unknowns=place.point[:count],
         covariance=covariance[:count, :count],
         cost=place.cost,
-        misfit=misfit(found),
+        misfit=found.place.residuals.misfit,
         explained_below=comparison.explained_below,
         iterations=found.iterations,
         residuals=comparison.by_joint(place.point),
@@ -120,7 +118,7 @@ def _found(comparison: Growing, start: Array | None, restarts: int, explains: bo
         iterations += found.iterations
         if best is None or found.place.cost < best.place.cost:
             best = found
-        if misfit(best) < comparison.explained_below:
+        if best.place.residuals.misfit < comparison.explained_below:
             break
     return None if best is None else replace(best, iterations=iterations)
 
@@ -131,7 +129,7 @@ def _refined(comparison: Growing, start: Array) -> Descent | None:
     The estimate from the trials before is such a start, where these were explained: windows need not grow again.
     """
     found = _descent(comparison, _whole(comparison, start), comparison.stages)
-    return found if found is not None and misfit(found) < comparison.explained_below else None
+    return found if found is not None and found.place.residuals.misfit < comparison.explained_below else None
 
 
 def settled(comparison: Growing, point: Array) -> Array | None:
@@ -161,11 +159,11 @@ def _grow(comparison: Growing, point: Array, most: int, explains: bool) -> Desce
         found, valley = _descent(comparison, point, windows, most), explained
         iterations += 0 if found is None else found.iterations
         if explains:
-            if found is None or misfit(found) > HOPELESS * comparison.explained_below:
+            if found is None or found.place.residuals.misfit > HOPELESS * comparison.explained_below:
                 return None
             if windows == comparison.stages and not found.converged:
                 found = _descent(comparison, found.place.point, windows) or found
-        explained = found is not None and misfit(found) < IN_THE_VALLEY
+        explained = found is not None and found.place.residuals.misfit < IN_THE_VALLEY
         if valley and not explained and reached and windows > reached + 1:
             explained = True
             while stride >= windows - reached:  # what remains may be less than a stride
@@ -190,12 +188,6 @@ def _descent(comparison: Growing, point: Array, windows: int, most: int = MOST_E
     tolerance, most = (ROUGHLY, MOST_ROUGH) if grows else (EXACTLY, most)
     ends_when_cut, least_gain = comparison.unknowns.ends_when_cut, comparison.least_gain
     return descend(comparison, place, windows, tolerance, most, ends_when_cut, least_gain)
-
-
-def misfit(found: Descent) -> float:
-    """Root mean square of the residuals, scaled by what noise or rounding explains."""
-    residuals = found.place.residuals
-    return float(np.sqrt(2.0 * residuals.cost / residuals.count))
 
 
 def starting_points(comparison: Fitted, start: Array | None, restarts: int) -> Iterator[Array]:

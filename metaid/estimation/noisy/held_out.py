@@ -90,11 +90,8 @@ def predicted(readings: Readings, estimate: Found) -> Prediction | None:
     except ValueError:
         return None
     whole = place_at(readings, estimate.point, readings.stages)
-    try:
-        found = fit(kept, estimate.start, -1)
-    except ValueError:
-        return Prediction(np.inf, explained_by_noise(0))
-    part = kept.residuals(found.point, kept.stages)
+    found = fit(kept, estimate.start, -1)
+    part = None if found is None else kept.residuals(found.point, kept.stages)
     if whole is None or part is None:
         return Prediction(np.inf, explained_by_noise(0))
     count = max(whole.residuals.count - part.count, 1)
@@ -121,6 +118,18 @@ def only_pushes(compared: Compared, pushes: NDArray[np.bool_]) -> Compared:
         for trial, kept in zip(compared.trials, each, strict=True)
     ]
     return replace(compared, trials=trials)
+
+
+def not_led(compared: Readings, found: Found, point: Array) -> Found:
+    """What was `found` by a twin that is led, at a `point` of all unknowns, with the misfit of the one that is not."""
+    squares, seen = squares_of(compared, point[: len(compared.spreads)])
+    return replace(
+        found,
+        led_misfit=found.misfit,
+        misfit=float(np.sqrt(squares / seen)),
+        explained_below=compared.explained_below,
+        residuals=compared.by_joint(point),
+    )
 
 
 def squares_of(compared: Readings, unknowns: Array) -> tuple[float, int]:

@@ -9,7 +9,7 @@ import numpy as np
 from metaid.estimation.descent import covariance_at, place_at
 from metaid.estimation.estimate import Found
 from metaid.estimation.faults import found_faults
-from metaid.estimation.noisy.held_out import squares_of
+from metaid.estimation.noisy.held_out import not_led
 from metaid.estimation.noisy.readings import Readings
 from metaid.estimation.noisy.tried import led_by
 
@@ -35,11 +35,13 @@ def as_possible(readings: Readings, estimate: Found) -> Found:
     faults, start = estimate.faults, moved.point[: len(step)]
     if faults is not None:
         faults = found_faults(faults.searched, start[count:], np.sqrt(np.diag(covariance))[count:])
-    misfit = float(np.sqrt(2.0 * moved.residuals.cost / moved.residuals.count))
-    found = replace(estimate, unknowns=nearest, cost=moved.cost, extras=moved.point[len(step) :], faults=faults)
-    if estimate.led_misfit is None:
-        return replace(found, misfit=misfit, residuals=compared.by_joint(moved.point))
-    squares, seen = squares_of(readings, start)
-    return replace(
-        found, led_misfit=misfit, misfit=float(np.sqrt(squares / seen)), residuals=readings.by_joint(moved.point)
+    found = replace(
+        estimate,
+        unknowns=nearest,
+        cost=moved.cost,
+        misfit=moved.residuals.misfit,
+        residuals=compared.by_joint(moved.point),
+        extras=moved.point[len(step) :],
+        faults=faults,
     )
+    return found if estimate.led_misfit is None else not_led(readings, found, moved.point)

@@ -12,7 +12,7 @@ from metaid.estimation.estimate import Found
 from metaid.estimation.faults import Proposal, TakenUp, fault_sizes, named_faults
 from metaid.estimation.fit import fit
 from metaid.estimation.noisy.combining import combine
-from metaid.estimation.noisy.held_out import squares_of
+from metaid.estimation.noisy.held_out import not_led
 from metaid.estimation.noisy.readings import Readings
 from metaid.estimation.noisy.torque_noise import fit_with_torque_noise
 from metaid.estimation.noisy.tried import Search, Tried, farthest_moved, led_by
@@ -68,11 +68,8 @@ def proposed_faults(
 
 def explained(readings: Readings, begin: Found) -> Found | None:
     """The fit without noise of torques, from where one with it ended; None where it does not explain the readings."""
-    try:
-        found: Found = fit(readings, begin.start, -1, explains=True)
-    except ValueError:
-        return None
-    return found if found.is_explained else None
+    found: Found | None = fit(readings, begin.start, -1, explains=True)
+    return found if found is not None and found.is_explained else None
 
 
 def led(readings: Readings, begin: Found) -> Found | None:
@@ -80,23 +77,16 @@ def led(readings: Readings, begin: Found) -> Found | None:
     cannot follow. Its misfit is that of the twin without that noise.
     """
     assert begin.torque_noise is not None
-    try:
-        found = fit_with_torque_noise(led_by(readings), begin.start, begin.torque_noise)
-    except ValueError:
-        return None
-    squares, seen = squares_of(readings, found.start)
-    left = float(np.sqrt(squares / seen)), readings.explained_below, readings.by_joint(found.point)
-    return replace(found, led_misfit=found.misfit, misfit=left[0], explained_below=left[1], residuals=left[2])
+    found = fit_with_torque_noise(led_by(readings), begin.start, begin.torque_noise)
+    return None if found is None else not_led(readings, found, found.point)
 
 
 def _without(readings: Readings, estimate: Found) -> float:
     """The misfit of the fit without the faults that an `estimate` has; inf where the twin cannot follow."""
     if estimate.faults is None:
         return estimate.misfit
-    try:
-        return float(fit(readings, estimate.unknowns, -1).misfit)
-    except ValueError:
-        return np.inf
+    found = fit(readings, estimate.unknowns, -1)
+    return np.inf if found is None else float(found.misfit)
 
 
 def _rival(best: Tried, other: Tried, readings: Readings) -> tuple[str, Array]:

@@ -33,8 +33,9 @@ def fit_with_torque_noise(
     torque_noise: Array,
     rounds: int = MOST_ROUNDS,
     begins_anew: bool = False,
-) -> Found:
-    """The robot that all trials lead to where noise of the torques moves it, too, and the size of that noise.
+) -> Found | None:
+    """The robot that all trials lead to where noise of the torques moves it, too, and the size of that noise; None
+    where the twin cannot follow the trials.
 
     Gains and weights of the filter follow from the robot, and the robot from what the filter leaves. So they are found
     in turn, until the readings become no more likely: where joints stick, smaller gains may lose a push. In each round
@@ -48,9 +49,6 @@ def fit_with_torque_noise(
         rounds: at most.
         begins_anew: whether pushes begin in each round as they were to, which may lead out of a wrong minimum; by
             default they begin as they did in the end of the round before.
-
-    Raises:
-        ValueError: the twin cannot follow the trials.
     """
     count, begin, sizes = len(innovations.spreads), begun(innovations, start), torque_noise
     best: Found | None = None
@@ -60,9 +58,10 @@ def fit_with_torque_noise(
             sizes = likeliest_noise(innovations, point, sizes, ROUGH_PUSHES)
         sizes = likeliest_noise(innovations, point, sizes, PUSHES, 1)
         led = innovations.led(point, sizes)
-        if led is None:
-            raise ValueError("the twin cannot follow the readings")
-        before, found = best, replace(fit(led, point[:count] if begins_anew else point, -1), torque_noise=sizes)
+        fitted = None if led is None else fit(led, point[:count] if begins_anew else point, -1)
+        if fitted is None:
+            return None
+        before, found = best, replace(fitted, torque_noise=sizes)
         point = found.point
         likelihood = innovations.likelihood(point, sizes, PUSHES)
         if best is None or likelihood > most_likely:

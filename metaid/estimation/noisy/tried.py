@@ -98,12 +98,10 @@ class Combining:
         if before is not None:
             assert before.found.torque_noise is not None
             start, noise = begin_with(before.found, faults), before.found.torque_noise
-        try:
-            kept = replace(self.kept, faults=faults)
-            found = fit_with_torque_noise(kept, start, noise, ROUNDS_EACH, begins_anew=True)
-        except ValueError:
+        kept, left = replace(self.kept, faults=faults), replace(self.left, faults=faults)
+        found = fit_with_torque_noise(kept, start, noise, ROUNDS_EACH, begins_anew=True)
+        if found is None:
             return None
-        left = replace(self.left, faults=faults)
         assert found.torque_noise is not None
         point = np.append(found.start, np.zeros(left.extras))
         sizes = likeliest_noise(left, point, found.torque_noise, PUSHES)  # what is unexplained of them, too
