@@ -28,45 +28,32 @@ def _no_warning(_message: int) -> None:
     return
 
 
-class _Callbacks:
-    """MuJoCo's two callbacks, and who is in need of ours."""
-
-    def __init__(self) -> None:
-        self._lock = threading.RLock()
-        self._inside: set[object] = set()
-        self._before: list[int | None] | None = None
-        self._callbacks = [ctypes.c_void_p.in_dll(_library, name) for name in ("mjcb_time", "mju_user_warning")]
-        self._ours = [_no_time.address, _no_warning.address]
-
-    def replace_for(self, loop: object) -> None:
-        """The first `loop` inside puts ours in place."""
-        with self._lock:
-            self._inside.add(loop)
-            if self._before is None:
-                self._before = [callback.value for callback in self._callbacks]
-                for callback, our in zip(self._callbacks, self._ours, strict=True):
-                    callback.value = our
-
-    def restore_after(self, loop: object) -> None:
-        """The last `loop` to leave puts the former ones back, but for what somebody else has replaced meanwhile."""
-        with self._lock:
-            self._inside.discard(loop)
-            if not self._inside and self._before is not None:
-                for callback, our, former in zip(self._callbacks, self._ours, self._before, strict=True):
-                    if callback.value == our:
-                        callback.value = former
-                self._before = None
-
-
-_callbacks = _Callbacks()
+_callbacks = [ctypes.c_void_p.in_dll(_library, name) for name in ("mjcb_time", "mju_user_warning")]
+_ours = [_no_time.address, _no_warning.address]
+_lock = threading.RLock()
+_inside: set[object] = set()
+_before: list[int | None] = []  # what was there before ours, while anybody is inside
 
 
 @contextmanager
 def quiet_mujoco() -> Iterator[None]:
-    """Within it, MuJoCo calls no timer and logs no warning; threads may be within it at the same time."""
+    """Within it, MuJoCo calls no timer and logs no warning; threads may be within it at the same time. The last to
+    leave puts the former callbacks back, but for what somebody else has replaced meanwhile.
+    """
     loop = object()
     try:  # Ctrl-C may come at any point from here on
-        _callbacks.replace_for(loop)
+        with _lock:
+            _inside.add(loop)
+            if not _before:
+                _before[:] = [callback.value for callback in _callbacks]
+                for callback, our in zip(_callbacks, _ours, strict=True):
+                    callback.value = our
         yield
     finally:
-        _callbacks.restore_after(loop)
+        with _lock:
+            _inside.discard(loop)
+            if not _inside and _before:
+                for callback, our, former in zip(_callbacks, _ours, _before, strict=True):
+                    if callback.value == our:
+                        callback.value = former
+                _before.clear()
