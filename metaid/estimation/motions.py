@@ -106,21 +106,15 @@ class Motions(WatchedTrials):
         residuals = alone.residuals(np.empty(0), alone.stages)
         if residuals is None:
             return tuple(np.full(trial.start_speeds.shape, np.nan) for trial in self.trials)
-        first, tables = 0, []
+        first, tables, kinds = 0, [], 2 if self.compared == "both" else 1
         for trial in self.trials:
-            shape = trial.start_speeds.shape
-            squares, count = np.zeros(shape), np.zeros(shape)
-            seen = trial.seen(len(trial.ends))
-            push = np.nonzero(seen)[0]
-            if not len(push):
-                tables.append(np.full(shape, np.nan))
-                continue
-            for _ in range(1 if self.compared != "both" else 2):
-                last = first + len(push) * shape[1]
-                np.add.at(squares, push, residuals.values[first:last].reshape(len(push), -1) ** 2)
-                np.add.at(count, push, 1.0)
-                first = last
-            tables.append(np.sqrt(np.divide(squares, count, out=np.full(shape, np.nan), where=count > 0)))
+            seen, n = trial.seen(len(trial.ends)), trial.start_speeds.shape[1]
+            squares = np.zeros((kinds, *seen.shape, n))
+            last = first + squares[:, seen].size
+            squares[:, seen] = residuals.values[first:last].reshape(kinds, -1, n) ** 2
+            with np.errstate(invalid="ignore"):  # of a push that was not seen
+                tables.append(np.sqrt(squares.sum(axis=(0, 2)) / (kinds * seen.sum(axis=1, keepdims=True))))
+            first = last
         return tuple(tables)
 
     def replay(self, number: int, point: Array) -> Replay:
