@@ -15,7 +15,17 @@ import numpy as np
 
 from metaid.estimation.descent import NOTHING
 from metaid.estimation.estimate import Found
-from metaid.models import COARSEST, DEVIATIONS, Array, Lumps, half_width, lump_names, mass_matrix
+from metaid.models import (
+    COARSEST,
+    DEVIATIONS,
+    Array,
+    Lumps,
+    coriolis_of,
+    half_width,
+    kind_of,
+    lump_names,
+    mass_matrix,
+)
 from metaid.models.tree import MISPLACED
 
 POSES = 64  # at which a mass matrix is looked at
@@ -98,7 +108,7 @@ class LogUnknowns:
     @cached_property
     def columns(self) -> Columns:
         """Where the unknowns of each kind begin."""
-        first = {name.partition("_")[0]: column for column, name in reversed(list(enumerate(self.names)))}
+        first = {kind_of(name): column for column, name in reversed(list(enumerate(self.names)))}
         begins = {kind: first.get(kind, -1) for kind in ("gravity", "length", "inertia", "damping", "coulomb")}
         return Columns(**begins, coriolis=begins["gravity"] if "coriolis" in self.kinds else -1)
 
@@ -157,15 +167,9 @@ class LogUnknowns:
         return Estimate(**found, searched=self)
 
 
-def coriolis_of(lengths: Array, gravity: Array) -> Array:
-    """a_ij = l_i μ_j, i < j (nlink x nlink, symmetric), in kg m², of `lengths` (nlink) in m and μ (nlink) in kg m."""
-    upper = np.triu(np.outer(lengths, gravity), 1)  # Eq. 2
-    return np.asarray(upper + upper.T, dtype=np.float64)
-
-
 def parameters_of(names: Sequence[str], lumps: Lumps) -> Array:
     """The parameters of a chain by their `names` (nparameter), in SI units, from its lumps."""
-    kinds = dict.fromkeys(name.partition("_")[0] for name in names)
+    kinds = dict.fromkeys(map(kind_of, names))
     parts = [lengths_of(lumps) if kind == "length" else lumps.of(kind) for kind in kinds]
     return np.concatenate([*parts, np.empty(0)])
 

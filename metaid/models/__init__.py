@@ -18,6 +18,7 @@ from metaid.models.lumps import (
     UNITS,
     Array,
     Lumps,
+    coriolis_of,
     factors_from_names,
     kind_of,
     lump_names,

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from metaid.models.law import mass_matrix
-from metaid.models.lumps import FRICTION, IDEAL, Array, Lumps
+from metaid.models.lumps import FRICTION, IDEAL, Array, Lumps, coriolis_of
 
 
 @dataclass(frozen=True)
@@ -54,10 +54,9 @@ class Chain:
         Eqs. 1 to 3.
         """
         gravity = self.mass * self.com + self.length * self.outboard_mass  # Eq. 1
-        coriolis = np.triu(np.outer(self.length, gravity), 1)  # Eq. 2, a_ij = l_i μ_j for i < j
         friction = {kind: getattr(self, kind) for kind in FRICTION if kind in kinds}
         inertia = self.inertia_lumps
-        return Lumps(gravity, coriolis + coriolis.T, **friction, inertia=inertia, searched=tuple(kinds))
+        return Lumps(gravity, coriolis_of(self.length, gravity), **friction, inertia=inertia, searched=tuple(kinds))
 
     @cached_property
     def inertia_lumps(self) -> Array:

@@ -123,6 +123,12 @@ class Lumps:
         return Lumps(**parts, searched=self.searched)
 
 
+def coriolis_of(lengths: Array, gravity: Array) -> Array:
+    """a_ij = l_i μ_j, i < j (nlink x nlink, symmetric), in kg m², of `lengths` (nlink) in m and μ (nlink) in kg m."""
+    upper = np.triu(np.outer(lengths, gravity), 1)  # Eq. 2
+    return np.asarray(upper + upper.T, dtype=np.float64)
+
+
 @cache
 def link_pairs(nlink: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """The links i < j of every Coriolis lump, in the order of `lump_names`: (nlump - nlink) each."""
@@ -140,7 +146,7 @@ def lump_names(nlink: int, kinds: Sequence[str] = IDEAL) -> list[str]:
 
 
 def kind_of(name: str) -> str:
-    """The kind of a lump, by its name."""
+    """The kind of a lump, or of a fault, by its name."""
     return name.partition("_")[0]
 
 

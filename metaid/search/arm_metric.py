@@ -6,7 +6,7 @@ import numpy as np
 
 from metaid.episode import Episode
 from metaid.models import Array
-from metaid.models.tree import PARAMETERS, ArmPrior, joint_mass_matrix, torque_regressor
+from metaid.models.tree import PARAMETERS, ArmPrior, joint_mass_matrix, torque_columns
 from metaid.search.coordinates import Coordinates
 
 SAMPLES = 20  # of the motion after each push
@@ -38,8 +38,7 @@ def arm_sensitivity(prior: ArmPrior, episode: Episode, timestep: float, values: 
     else:
         moving = prior.tree_at(values)
         mass = np.array([joint_mass_matrix(moving, position) for position in positions])
-    regressor = torque_regressor(nominal, positions, speeds, accelerations)
-    columns = regressor.reshape(*regressor.shape[:2], -1)[..., prior.base.columns]
+    columns = torque_columns(nominal, prior.base.columns, positions, speeds, accelerations)
     accelerated = np.linalg.solve(mass, columns)  # M⁻¹ Y of Eq. 58
     flat = (np.linalg.cholesky(metric).transpose(0, 2, 1) @ accelerated).reshape(-1, columns.shape[-1])
     h: Array = flat.T @ flat / np.einsum("ti,tij,tj->", speeds, metric, speeds)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from metaid.models.lumps import Array
 from metaid.models.tree.bodies import pseudo_inertia
 from metaid.models.tree.regressor import BODY
-from metaid.models.tree.tree import Tree
+from metaid.models.tree.tree import Tree, crossing
 
 Dynamics = Callable[[Array, Array], tuple[Array, Array]]
 
@@ -70,7 +70,7 @@ def _parts(tree: Tree) -> Array:
         if is_slide:
             own[:3, 3] = axis
         else:
-            own[:3, :3] = np.cross(axis, np.eye(3), axisb=0, axisc=0)
+            own[:3, :3] = crossing(axis)
     return np.stack([at_zero, at_zero @ joint, at_zero @ joint @ joint], axis=-1).reshape(-1, 16, 3)
 
 

@@ -15,12 +15,9 @@ from numpy.typing import NDArray
 
 from metaid.models.law import sliding
 from metaid.models.lumps import Array
-from metaid.models.tree.tree import PARAMETERS, Tree
+from metaid.models.tree.tree import PARAMETERS, Tree, crossing
 
 BODY = 10  # of PARAMETERS, those of the link itself; the others are its joint's
-_SKEW = np.zeros((3, 3, 3))  # (a x b)_i = _SKEW[i, j, k] a_j b_k
-_SKEW[[0, 1, 2], [1, 2, 0], [2, 0, 1]] = 1.0
-_SKEW[[0, 1, 2], [2, 0, 1], [1, 2, 0]] = -1.0
 
 
 def torque_regressor(tree: Tree, coordinates: Array, speeds: Array, accelerations: Array) -> Array:
@@ -157,7 +154,7 @@ def _placed(tree: Tree, joint: int, coordinate: Array) -> tuple[Array, Array]:
     if tree.slides[joint]:
         axes = rotation.reshape(3, 3, *[1] * coordinate.ndim)
         return axes, place + np.multiply.outer(rotation @ axis, coordinate)
-    along, across = np.outer(axis, axis), np.einsum("ijk,j->ik", _SKEW, axis)
+    along, across = np.outer(axis, axis), crossing(axis)
     parts = rotation @ np.stack([along, np.eye(3) - along, across])
     factors = np.stack([np.ones_like(coordinate), np.cos(coordinate), np.sin(coordinate)])
     axes = parts.reshape(3, 9).T @ factors.reshape(3, -1)

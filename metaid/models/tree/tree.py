@@ -90,6 +90,11 @@ class Tree:
         return replace(self, mass=mass, com=com, inertia=inertia, rotor=rotor, damping=damping, coulomb=coulomb)
 
 
+def crossing(axis: Array) -> Array:
+    """The matrix (3 x 3) that makes a x b of b, a being an `axis` (3)."""
+    return np.cross(axis, np.eye(3), axisb=0, axisc=0)
+
+
 def tilted_gravity(gravity: Array, tilt: Array) -> Array:
     """The `gravity` (3) that the frame of a base has which is turned by `tilt` (2), in rad, about its x and then its y
     axis.
