@@ -91,8 +91,7 @@ def fault_sizes(kinds: Sequence[str], found: FoundFaults, declared: float = 0.0)
 
 def _size(kind: str, found: FoundFaults, declared: float) -> str:
     """The largest fault of a `kind` among those `found`, in words, with what of it is `declared`, in its unit."""
-    names, about = found.searched.names, 1.0 if kind == "gain" else 0.0
-    own = [value for name, value in zip(names, found.values.tolist(), strict=True) if name.partition("_")[0] == kind]
+    own, about = found.values[found.searched.are(kind)].tolist(), 1.0 if kind == "gain" else 0.0
     value, unit = max(own, key=lambda each: abs(each - about)) + declared, FAULT_UNITS[kind]
     if kind == "cogging":
         amplitude = float(np.hypot(*np.reshape(own, (2, -1))).max())

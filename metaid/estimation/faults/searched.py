@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from metaid.estimation.trials import PRESLIDING, Further, Joints, ReadTrial
 from metaid.estimation.unknowns import Unknowns
-from metaid.models import Array
+from metaid.models import Array, kind_of
 from metaid.plant import fault_names
 
 TURN = 0.05  # rad that the fastest joint turns by within a delay of one standard deviation
@@ -70,7 +70,7 @@ class SearchedFaults:
     @cached_property
     def _about(self) -> Array:
         """What each fault that is ABOVE_ZERO is about (nfault); 0 for the others."""
-        about = np.array([ABOVE_ZERO.get(name.partition("_")[0], (0.0, 0.0))[0] for name in self.names])
+        about = np.array([ABOVE_ZERO.get(kind_of(name), (0.0, 0.0))[0] for name in self.names])
         if "limit" in self.kinds:
             about[self._places["limit"]] = self.limits
         return about
@@ -87,7 +87,7 @@ class SearchedFaults:
 
     def are(self, *kinds: str) -> NDArray[np.bool_]:
         """Which faults (nfault) are of some `kinds`."""
-        return np.array([name.partition("_")[0] in kinds for name in self.names], dtype=np.bool_)
+        return np.array([kind_of(name) in kinds for name in self.names], dtype=np.bool_)
 
     def without(self, left_out: NDArray[np.bool_]) -> SearchedFaults:
         """The same, some of which (nfault) are left out."""
@@ -107,8 +107,7 @@ class SearchedFaults:
     @cached_property
     def _bend(self) -> Array:
         """How sharply each fault bends at 0 (nfault), in its own unknown; inf where it goes straight through."""
-        kinds = (name.partition("_")[0] for name in self.names)
-        return np.array([BEND if self.is_bounded and kind in NEVER_NEGATIVE else np.inf for kind in kinds])
+        return np.where(self.is_bounded & self.are(*NEVER_NEGATIVE), BEND, np.inf)
 
     def values(self, unknowns: Array) -> Array:
         """The faults (nfault), in their units, at these `unknowns` (nfault).  Eq. 44."""
@@ -228,8 +227,8 @@ class FoundFaults:
         noise tells.
         """
         bounds = -BELOW * self.deviations - TRIFLE * self.searched.scales
-        pairs = zip(self.searched.names, (self.values < bounds).tolist(), strict=True)
-        return [name for name, is_below in pairs if is_below and name.partition("_")[0] in NEVER_NEGATIVE]
+        is_impossible = (self.values < bounds) & self.searched.are(*NEVER_NEGATIVE)
+        return [name for name, is_one in zip(self.searched.names, is_impossible, strict=True) if is_one]
 
 
 NO_FAULTS = SearchedFaults((), 0, np.empty(0))
@@ -260,7 +259,7 @@ def searched_faults(kinds: tuple[str, ...], robot: Unknowns, start_speeds: Array
         "rotor": OF_INERTIA * float(robot.inertia.max()),
         **{kind: spread for kind, (_, spread) in ABOVE_ZERO.items()},
     }
-    each = [scales[name.partition("_")[0]] for name in fault_names(kinds, robot.njoint, robot.tilts)]
+    each = [scales[kind_of(name)] for name in fault_names(kinds, robot.njoint, robot.tilts)]
     return SearchedFaults(kinds, robot.njoint, np.array(each), robot.tilts, teeth=teeth, limits=LIMIT * torques)
 
 

@@ -17,7 +17,7 @@ from metaid.estimation.noisy.innovations import Innovations
 from metaid.estimation.noisy.readings import Readings
 from metaid.estimation.noisy.scanned import limits_shown, teeth_shown
 from metaid.estimation.noisy.torque_noise import PUSHES, fit_with_torque_noise, likeliest_noise
-from metaid.models import DEVIATIONS, Array
+from metaid.models import DEVIATIONS, Array, kind_of
 from metaid.plant import FAULT_UNITS
 
 Search = Callable[[tuple[str, ...]], SearchedFaults]  # makes faults of given kinds unknown
@@ -62,7 +62,7 @@ class Tried:
         found = self.found.faults
         if found is None:
             return False
-        none = np.array([NONE.get(name.partition("_")[0], 0.0) for name in found.searched.names])
+        none = np.array([NONE.get(kind_of(name), 0.0) for name in found.searched.names])
         own = found.searched.are(*kinds) & ~found.searched.are("presliding")
         return bool((np.abs(found.values - none) > far * found.deviations)[own].any())
 
