@@ -21,7 +21,7 @@ def candidates(snapshot: Snapshot) -> dict[str, Any]:
     `best trial` in place of the identified one, if any trial did not fall.
     """
     problem, best, true = snapshot.problem, snapshot.best, snapshot.problem.robot.true_law()
-    laws = {"nominal": problem.robot.nominal_law}
+    laws = {"nominal": problem.robot.differ_from.law}
     if snapshot.verdict.shown["identified"].notna().any():
         laws["identified"] = identified_law(snapshot)
     elif best is not None:

@@ -167,7 +167,7 @@ class Findings:
     @cached_property
     def nominal_error(self) -> dict[str, float] | None:
         """How wrong the nominal law is on states that no trial has seen; None where that is not known."""
-        error: ModelError | None = self.problem.robot.model_error(self.problem.robot.nominal_law)
+        error: ModelError | None = self.problem.robot.model_error(self.problem.robot.differ_from.law)
         return None if error is None else asdict(error)
 
     @property

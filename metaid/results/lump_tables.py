@@ -80,7 +80,7 @@ def fault_table(study: StoredStudy, is_result: bool) -> pd.DataFrame:
     if found is not None and (faults := found.estimate.faults) is not None:
         value = faults.values
         if is_result:
-            determined, deviation = faults.determined, found.widening * faults.deviations
+            determined, deviation = faults.determined, found.estimate.widening * faults.deviations
     columns = {
         "name": names,
         "unit": [fault_unit(name) for name in names],

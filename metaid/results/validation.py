@@ -144,7 +144,11 @@ def validate_law(problem: Problem, identified: Any, pushes: int = PUSHES, seed: 
     if not 1 <= pushes <= MOST_PUSHES or seed < 0:
         raise StudyError(f"pushes is {pushes} and seed is {seed} (allowed: 1 to {MOST_PUSHES} pushes, a seed from 0)")
     plant, true = problem.open_plant(), problem.robot.true_law()
-    laws = {"nominal": problem.robot.nominal_law, "identified": identified, **({} if true is None else {"true": true})}
+    laws = {
+        "nominal": problem.robot.differ_from.law,
+        "identified": identified,
+        **({} if true is None else {"true": true}),
+    }
     course = course_of(plant, problem, identified, pushes, fresh_seed(problem.spec.study.seed, seed))
     models = tuple(Validated(name, course.coasting(law), *course.tracking(law)) for name, law in laws.items())
     horizon = course.steps * plant.timestep

@@ -193,11 +193,6 @@ class StudiedArm:
         """Which joints are slides, and no hinges (njoint)."""
         return self.nominal.slides
 
-    @property
-    def nominal_law(self) -> Array:
-        """The nominal parameters (njoint x 13)."""
-        return self.nominal.parameters
-
     def law_at(self, values: Mapping[str, float]) -> Array:
         """The parameters (njoint x 13) of the most probable arm with these `values` of the base parameters, by name."""
         return self.prior.parameters_at(np.array([values[name] for name in self.names]))

@@ -238,11 +238,6 @@ class StudiedChain:
         """Which joints are slides, and no hinges (njoint)."""
         return np.zeros(self.nominal.nlink, dtype=np.bool_)
 
-    @property
-    def nominal_law(self) -> Lumps:
-        """The nominal lumps that candidates are factors of."""
-        return self.lumps
-
     def law_at(self, values: Mapping[str, float]) -> Lumps:
         """The law with these `values` of lumps, by name: of all that are sought, and of inertia where it has these."""
         law = self.lumps.with_parameters(np.array([values[name] for name in self.names]))

@@ -6,7 +6,7 @@ trials, is made of the trials when it is asked for.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -253,12 +253,7 @@ class StudyEstimate:
         if not self.forces:
             return None
         left_open = np.concatenate([each.left_open for each in self.forces], axis=1)
-        return np.asarray(self.widening * np.linalg.norm(design @ left_open, axis=1))
-
-    @property
-    def widening(self) -> float:
-        """By how much the misfit makes standard deviations larger than if the model explained all."""
-        return self.estimate.widening
+        return np.asarray(self.estimate.widening * np.linalg.norm(design @ left_open, axis=1))
 
     @property
     def interval_name(self) -> str:
@@ -267,11 +262,13 @@ class StudyEstimate:
 
     def replay(self, number: int | None = None) -> Replay:
         """One of the trials as the plant showed it and as the twin at the estimate moves. `number` is that of its table
-        in `estimate.residuals`; by default see `worst_shown`.
+        in `estimate.residuals`; by default the first, or, where the model explains nothing, the one that its twin shows
+        worst.
         """
         experiment, trials = self._behind
         if number is None:
-            number = worst_shown(self.estimate.residuals, self.explains)
+            squares = [np.nanmean(table**2) for table in self.estimate.residuals]
+            number = 0 if self.explains else int(np.argmax(squares))
         replay: Replay = experiment.replay(trials, self.estimate, number)
         return replay
 
@@ -286,13 +283,6 @@ def _describe_counts(misfit: float, explained_below: float, counts: int) -> str:
     if misfit < explained_below:
         return f"the model counts what was counted: all {counts:,} counts of half periods are the same"
     return f"no model was found that counts what was counted: in the best, {misfit:,.0f} of {counts:,} counts differ"
-
-
-def worst_shown(residuals: Sequence[Array], explains: bool) -> int:
-    """The number of the trial that is worth a look, by the `residuals` of each (npush x njoint): the first, or, where
-    the model explains nothing, the one that its twin shows worst.
-    """
-    return 0 if explains else int(np.argmax([np.nanmean(table**2) for table in residuals]))
 
 
 def interval_name(counts: int | None) -> str:
