@@ -22,11 +22,11 @@ from metaid.estimation.noisy import (
     Loop,
     Readings,
     as_possible,
+    compared_at,
     explained,
     fit_with_torque_noise,
     hold_out,
     led,
-    led_by,
     predicted,
     proposed_faults,
     take_up,
@@ -304,13 +304,7 @@ class Experiment:
 
     def _led(self, trials: Sequence[Any], estimate: Found) -> Readings | None:
         """What is compared at an `estimate`; None where the twin cannot follow, and without noise."""
-        if self.loop is None:
-            return None
-        compared = self._readings(trials)
-        if estimate.torque_noise is None:
-            return compared
-        innovations = compared if isinstance(compared, Innovations) else led_by(compared)
-        return innovations.led(estimate.point, estimate.torque_noise)
+        return None if self.loop is None else compared_at(self._readings(trials), estimate)
 
     def _search(self, kinds: tuple[str, ...]) -> SearchedFaults:
         """Faults of these `kinds` as unknowns."""

@@ -11,7 +11,7 @@ from metaid.estimation.estimate import Found
 from metaid.estimation.faults import found_faults
 from metaid.estimation.noisy.held_out import not_led
 from metaid.estimation.noisy.readings import Readings
-from metaid.estimation.noisy.tried import led_by
+from metaid.estimation.noisy.tried import compared_at
 
 
 def as_possible(readings: Readings, estimate: Found) -> Found:
@@ -21,8 +21,7 @@ def as_possible(readings: Readings, estimate: Found) -> Found:
     nearest = readings.unknowns.nearest(estimate.unknowns, estimate.covariance * estimate.widening**2)
     if nearest is None:
         return estimate
-    noise, count = estimate.torque_noise, len(nearest)
-    compared = readings if noise is None else led_by(readings).led(estimate.point, noise)
+    compared, count = compared_at(readings, estimate), len(nearest)
     place = None if compared is None else place_at(compared, estimate.point, compared.stages)
     if compared is None or place is None:
         return estimate

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,16 +30,6 @@ ENOUGH = 0.2  # of cost: a step of a fit that is tried and promises less moves n
 OUT, OF = 1, 3  # of so many pushes that one is left out
 DENSEST = 2e-3  # s between readings: closer ones say little more of what is missing
 MOST_WORK = 1_500_000  # readings of joints, times unknowns, that a fit with faults is tried on
-
-
-class Scanned(NamedTuple):
-    """How many times a turn cogging repeats, and what limits of the motors are about (njoint), in N m, by a scan."""
-
-    teeth: int = 0
-    limits: Array | None = None
-
-
-NOT_SCANNED = Scanned()
 
 
 @dataclass(frozen=True)
@@ -79,7 +68,12 @@ class Combining:
     torque_noise: Array
 
     def fitted(
-        self, kinds: tuple[str, ...], before: Tried | None, start: Array | None = None, scanned: Scanned = NOT_SCANNED
+        self,
+        kinds: tuple[str, ...],
+        before: Tried | None,
+        start: Array | None = None,
+        teeth: int = 0,
+        limits: Array | None = None,
     ) -> Tried | None:
         """The fit with faults of these `kinds`, from where the one `before` ended, or a `start`; None where the twin
         cannot follow.
@@ -88,9 +82,10 @@ class Combining:
             kinds: of the faults.
             before: the fit that it begins from; None for a `start`.
             start: the unknowns (nunknown) that it begins from; None for the nominal model.
-            scanned: where faults begin that show nothing elsewhere; by default where they were before.
+            teeth: how many times a turn cogging repeats, by a scan; by default as before.
+            limits: what limits of the motors are about (njoint), in N m, by a scan; by default as before.
         """
-        return self.fitted_with(self._bounded(kinds, before, scanned), before, start)
+        return self.fitted_with(self._bounded(kinds, before, teeth, limits), before, start)
 
     def fitted_with(self, faults: SearchedFaults, before: Tried | None, start: Array | None = None) -> Tried | None:
         """The same with these `faults`."""
@@ -118,7 +113,7 @@ class Combining:
         limits = None if led is None else limits_shown(led, nominal)
         tried = [self.fitted(kinds, None)]
         if limits is not None:
-            tried.append(self.fitted((*kinds, "limit"), None, scanned=Scanned(limits=limits)))
+            tried.append(self.fitted((*kinds, "limit"), None, limits=limits))
         return [each for each in tried if each is not None]
 
     def settled(self, tried: Tried) -> Tried:
@@ -132,11 +127,12 @@ class Combining:
             tried = again
         return tried
 
-    def _bounded(self, kinds: tuple[str, ...], before: Tried | None, scanned: Scanned = NOT_SCANNED) -> SearchedFaults:
-        """Faults of these `kinds`, which begin where they were `scanned`, or before, or where they are known."""
-        faults = self.search(_in_order(kinds))
-        teeth = faults.teeth or scanned.teeth or (0 if before is None else before.faults.teeth)
-        limits = scanned.limits
+    def _bounded(
+        self, kinds: tuple[str, ...], before: Tried | None, teeth: int = 0, limits: Array | None = None
+    ) -> SearchedFaults:
+        """Faults as `fitted` has them."""
+        faults = self.search(tuple(kind for kind in FAULT_UNITS if kind in kinds))
+        teeth = faults.teeth or teeth or (0 if before is None else before.faults.teeth)
         if limits is None:
             limits = before.faults.limits if before is not None and "limit" in before.kinds else faults.limits
         return replace(faults, is_bounded=True, teeth=teeth, limits=limits)
@@ -145,7 +141,7 @@ class Combining:
         """The fit with cogging besides, if there is one."""
         kept = None if "cogging" in before.kinds else self._led(before)
         teeth = 0 if kept is None else self.search(("cogging",)).teeth or teeth_shown(kept, before.found.point)
-        tried = self.fitted((*before.kinds, "cogging"), before, scanned=Scanned(teeth=teeth)) if teeth else None
+        tried = self.fitted((*before.kinds, "cogging"), before, teeth=teeth) if teeth else None
         return [] if tried is None else [tried]
 
     def unbounded(self, tried: Tried) -> tuple[FoundFaults, Array] | None:
@@ -188,18 +184,15 @@ class Combining:
         if kept is None:
             return []
         limits = limits_shown(kept, before.found.point) if ("limit",) in candidates else None
-        candidates, scanned = (
-            [kinds for kinds in candidates if kinds != ("limit",) or limits is not None],
-            Scanned(limits=limits),
-        )
-        left = [self._left_by(before, kept, kinds, scanned) for kinds in candidates]
+        candidates = [kinds for kinds in candidates if kinds != ("limit",) or limits is not None]
+        left = [self._left_by(before, kept, kinds, limits) for kinds in candidates]
         likely = [candidates[number] for number in np.argsort(left)[:LOOKED_AT] if np.isfinite(left[number])]
-        tried = (self.fitted((*before.kinds, *kinds), before, scanned=scanned) for kinds in likely)
+        tried = (self.fitted((*before.kinds, *kinds), before, limits=limits) for kinds in likely)
         return [each for each in tried if each is not None]
 
-    def _left_by(self, before: Tried, kept: Innovations, kinds: tuple[str, ...], scanned: Scanned) -> float:
+    def _left_by(self, before: Tried, kept: Innovations, kinds: tuple[str, ...], limits: Array | None) -> float:
         """The cost that one Gauss-Newton step leaves with faults of these `kinds` besides, each unknown for one."""
-        faults = self._bounded((*before.kinds, *kinds), before, scanned)
+        faults = self._bounded((*before.kinds, *kinds), before, limits=limits)
         faulty = replace(kept, faults=faults)
         extras = before.found.extras if faulty.extras else np.empty(0)
         place = place_at(faulty, np.concatenate([begin_with(before.found, faults), extras]), faulty.stages)
@@ -251,12 +244,17 @@ def led_by(readings: Readings) -> Innovations:
     return Innovations(**own)
 
 
+def compared_at(readings: Readings, estimate: Found) -> Readings | None:
+    """What of the `readings` is compared with the twin at an `estimate`, which a filter leads where torques are noisy
+    there; None where it cannot follow.
+    """
+    if estimate.torque_noise is None:
+        return readings
+    return led_by(readings).led(estimate.point, estimate.torque_noise)
+
+
 def begin_with(found: Found, faults: SearchedFaults) -> Array:
     """The unknowns (nunknown) of what was `found`, with the `faults` that it has, and none of the others."""
     own = found.faults
     known = {} if own is None else dict(zip(own.searched.names, own.unknowns.tolist(), strict=True))
     return np.append(found.unknowns, [known.get(name, 0.0) for name in faults.names])
-
-
-def _in_order(kinds: tuple[str, ...]) -> tuple[str, ...]:
-    return tuple(kind for kind in FAULT_UNITS if kind in kinds)
