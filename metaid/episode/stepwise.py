@@ -39,16 +39,6 @@ class CandidateBatch:
         """
         return [self.seen[candidate] for candidate in range(len(self.seen))]
 
-    def work_through(self, run: Callable[[Any, int], Record]) -> None:
-        """Runs episodes until there are none left; others may do so at the same time.  Raises AbsentPlant."""
-        for candidate in self.queue:
-            try:
-                self.seen[candidate] = run(self.laws[candidate], self.trials[candidate])
-            except AbsentPlant:
-                raise  # nor is it there for the next
-            except LostPlant as problem:
-                self.seen[candidate] = problem
-
 
 class WholeEpisodes:
     """A loop that runs one whole episode after the other on a `plant` of its own."""
@@ -73,7 +63,13 @@ class WholeEpisodes:
         """Runs episodes of the `batch` until there are none left; others may do so at the same time.  Raises
         AbsentPlant.
         """
-        batch.work_through(self.run)
+        for candidate in batch.queue:
+            try:
+                batch.seen[candidate] = self.run(batch.laws[candidate], batch.trials[candidate])
+            except AbsentPlant:
+                raise  # nor is it there for the next
+            except LostPlant as problem:
+                batch.seen[candidate] = problem
 
 
 class StepwiseLoop(WholeEpisodes):

@@ -5,12 +5,11 @@ one more sampler is one more entry. The coordinates that searchers move in, and 
 nominal model, are here too.
 """
 
-from metaid.search.arm_metric import arm_sensitivity, prior_metric
 from metaid.search.bounds import at_bounds, bounds_in_force, widened
 from metaid.search.cmaes import Cmaes
-from metaid.search.coordinates import Coordinates, nominal_metric, plain_coordinates
+from metaid.search.coordinates import Coordinates, nominal_metric, plain_coordinates, prior_metric
 from metaid.search.optuna_samplers import MetricSampler, tpe_for_metric
 from metaid.search.output_error import OutputError, OutputErrorOptions
 from metaid.search.registry import SAMPLERS, Sampler, SamplerOptions, make_searcher
-from metaid.search.searcher import Searcher, StepOptions, WideningSearcher
-from metaid.search.sensitivity import designed_speeds, sensitivity
+from metaid.search.searcher import Searcher, StepOptions
+from metaid.search.sensitivity import arm_sensitivity, designed_speeds, sensitivity

@@ -13,8 +13,11 @@ import numpy as np
 
 from metaid.errors import EpisodeError
 from metaid.models import Array
+from metaid.models.tree import ArmPrior
 
 LEAST_SENSITIVITY = 1e-12  # relative to the largest; a combination of lumps with less cannot be determined
+SPREAD = 0.3  # root mean square of a coordinate's prior
+LEAST_SHOWN = 0.005  # of the mean: what an independent step of the prior counts for at least, however little it shows
 
 
 @dataclass(frozen=True)
@@ -78,3 +81,21 @@ def nominal_metric(h: Array, start: Array, low: Array, high: Array) -> Coordinat
     root = vectors / np.sqrt(values) @ vectors.T
     unit = np.diag(root @ root).max()
     return Coordinates(start, root / np.sqrt(unit), low, high, curvature=1.0 / (unit * (2.0 * np.pi) ** 2))
+
+
+def prior_metric(h: Array, prior: ArmPrior, low: Array, high: Array) -> Coordinates:
+    """Coordinates in which the kinetic measure is round, but for what it hardly shows, which is not stretched beyond
+    its prior.  Eq. 63.
+
+    Args:
+        h: the measure's sensitivity (nbase x nbase).
+        prior: of the arm; its base parameters are the start.
+        low: bounds of the base parameters (nbase).
+        high: bounds of the base parameters (nbase).
+    """
+    values, vectors = np.linalg.eigh(prior.root.T @ h @ prior.root)
+    mean = float(values.mean())
+    stretched = vectors / np.sqrt(np.maximum(values, 0.0) + LEAST_SHOWN * mean) @ vectors.T
+    unit = np.sqrt(mean) / SPREAD
+    curvature = (unit / (2.0 * np.pi)) ** 2
+    return Coordinates(prior.values, unit * prior.root @ stretched, low, high, curvature)

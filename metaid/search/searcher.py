@@ -1,4 +1,6 @@
-"""What every searcher answers to: `ask` for a generation, `tell` what became of it.
+"""What every searcher answers to: `ask` for a generation, `tell` what became of it. One whose sampler `widens` also
+answers to `widen`: from the next generation on its candidates are within the bounds of other coordinates, which are
+otherwise the same.
 
 A generation's size belongs to the study, not to the number of workers. So the trials are the same whoever evaluates
 them. A fall has a value above every survivor's (Eq. 18). Its outcome also says that it is a fall.
@@ -7,14 +9,13 @@ them. A fall has a value above every survivor's (Eq. 18). Its outcome also says 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Protocol, runtime_checkable
+from typing import Annotated, Protocol
 
 from pydantic import Field
 
 from metaid.episode import Outcome
 from metaid.files import Settings
 from metaid.models import Array
-from metaid.search.coordinates import Coordinates
 
 
 class GenerationOptions(Settings):
@@ -44,13 +45,3 @@ class Searcher(Protocol):
 
     def finished(self) -> bool:
         """Whether it cannot improve any more."""
-
-
-@runtime_checkable
-class WideningSearcher(Searcher, Protocol):
-    """One that can go on within wider bounds, with all that it has learned."""
-
-    def widen(self, coordinates: Coordinates) -> None:
-        """From the next generation on candidates are within the bounds of these `coordinates`, which are otherwise the
-        same.
-        """

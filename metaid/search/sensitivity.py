@@ -1,4 +1,6 @@
-"""How the spectral measure grows away from exact compensation, by the nominal model alone, before any trial."""
+"""How the spectral measure of a chain, and the kinetic one of an arm, grow away from exact compensation, by the nominal
+model alone, before any trial.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +8,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from metaid.episode import rich_speeds
+from metaid.episode import Episode, rich_speeds
 from metaid.models import IDEAL, Array, Chain, compensation_basis
+from metaid.models.tree import PARAMETERS, ArmPrior, joint_mass_matrix, torque_columns
 from metaid.search.coordinates import LEAST_SENSITIVITY
 
 DESIGNS = 64  # push sets that a designed one is the best of
-SAMPLES = 40  # of the coasting motion after each push
+SAMPLES, ARM_SAMPLES = 40, 20  # of the motion after each push, of a chain and of an arm
+ROTOR = PARAMETERS.index("rotor")
 
 
 def sensitivity(
@@ -75,3 +79,45 @@ def designed_speeds(
     seeds = np.random.default_rng(seed).integers(2**32, size=DESIGNS)
     sets = [peak_speed * rich_speeds(nominal.nlink, count, int(drawn)) for drawn in seeds]
     return min(sets, key=worst)
+
+
+def arm_sensitivity(prior: ArmPrior, episode: Episode, timestep: float, values: Array | None = None) -> Array:
+    """H (nbase x nbase), in rad²/s² over the squared units: near the truth (2π f)² = δᵀ H δ of the kinetic measure f,
+    with δ the error of the base parameters.  Eq. 62.
+
+    The motion about which H is taken needs no simulation: joints coast, or swing as on springs.
+
+    Args:
+        prior: whose nominal arm is the metric.
+        episode: the pushes.
+        timestep: in s.
+        values: base parameters (nbase) of an arm whose mass matrix moves. By default it is the nominal one's, with
+            rotors heavier by a standard deviation of their prior. Of a wrist whose rotor was taken for
+            nothing the nominal mass matrix is far too light.
+    """
+    nominal = prior.nominal
+    positions, speeds, accelerations = _ideal_motion(episode, timestep)
+    metric = np.array([joint_mass_matrix(nominal, position) for position in positions])
+    if values is None:
+        variances = np.diag(prior.parameter_covariance).reshape(nominal.njoint, -1)
+        mass = metric + np.diag(np.sqrt(variances[:, ROTOR]))
+    else:
+        moving = prior.tree_at(values)
+        mass = np.array([joint_mass_matrix(moving, position) for position in positions])
+    columns = torque_columns(nominal, prior.base.columns, positions, speeds, accelerations)
+    accelerated = np.linalg.solve(mass, columns)  # M⁻¹ Y of Eq. 58
+    flat = (np.linalg.cholesky(metric).transpose(0, 2, 1) @ accelerated).reshape(-1, columns.shape[-1])
+    h: Array = flat.T @ flat / np.einsum("ti,tij,tj->", speeds, metric, speeds)
+    return h
+
+
+def _ideal_motion(episode: Episode, timestep: float) -> tuple[Array, Array, Array]:
+    """Joint coordinates, speeds and accelerations (npush ARM_SAMPLES x njoint each) of an arm under its own law."""
+    times = (np.arange(ARM_SAMPLES) + 0.5) * episode.steps * timestep / ARM_SAMPLES
+    rate = np.sqrt(episode.springs)[:, None]
+    swing = np.where(rate > 0.0, np.sin(rate * times) / np.where(rate > 0.0, rate, 1.0), times)[..., None]
+    poses, speeds = episode.states[:, None, 0], episode.states[:, None, 1]
+    pulled = -(rate**2)[..., None] * swing
+    motion = poses + speeds * swing, speeds * np.cos(rate * times)[..., None], speeds * pulled
+    positions, moving, accelerated = (each.reshape(-1, episode.states.shape[2]) for each in motion)
+    return positions, moving, accelerated

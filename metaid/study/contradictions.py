@@ -161,11 +161,6 @@ def upper_bounds(spec: StudySpec) -> Factors:
     return HIGH
 
 
-def _default(key: str) -> float:
-    """The factor that `[search]` has under a `key` where a table leaves it out."""
-    return HIGH if key == "high" else float(SearchSettings.model_fields[key].default)
-
-
 def lump_factors(key: str, given: Factors, nlink: int, search: SearchSettings) -> Array:
     """What `[search]` gives for its lumps (nlump).
 
@@ -178,7 +173,8 @@ def lump_factors(key: str, given: Factors, nlink: int, search: SearchSettings) -
     Raises:
         StudyError: a lump is not known.
     """
-    one, table = (_default(key), given) if isinstance(given, dict) else (given, {})
+    default = HIGH if key == "high" else float(SearchSettings.model_fields[key].default)
+    one, table = (default, given) if isinstance(given, dict) else (given, {})
     try:
         return factors_from_names(table, nlink, one, search.lumps)
     except EpisodeError as problem:

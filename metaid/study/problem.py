@@ -166,16 +166,13 @@ class Problem:
 
     @property
     def widens(self) -> bool:
-        """Whether a bound that holds the search back is moved away. A rig is sent nothing but what its user allows, and
-        the bounds of an arm are beyond what its prior allows.
+        """Whether a bound that holds the search back is moved away, where the sampler can go on then. A rig is sent
+        nothing but what its user allows, and the bounds of an arm are beyond what its prior allows.
         """
+        if self.spec.is_arm or not SAMPLERS[self.spec.study.sampler].widens:
+            return False
         wanted = self.spec.study.search.widen
-        return not self.spec.is_arm and (self.spec.is_simulated if wanted is None else wanted)
-
-    @property
-    def widens_by_itself(self) -> bool:
-        """Whether that is so with the study's sampler."""
-        return self.widens and SAMPLERS[self.spec.study.sampler].widens
+        return self.spec.is_simulated if wanted is None else wanted
 
     def widen(self, candidate: Array) -> Coordinates | None:
         """Moves away, once each, the bounds that a `candidate` (n) is at, of numbers that the measure can see.

@@ -7,6 +7,7 @@ anywhere is brought back to where it was by replaying the trials that the DB hol
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from optuna.trial import TrialState
@@ -14,7 +15,7 @@ from optuna.trial import TrialState
 from metaid.episode import Outcome
 from metaid.errors import StorageError
 from metaid.models import Array
-from metaid.search import OutputError, WideningSearcher
+from metaid.search import OutputError
 from metaid.store import Trial
 from metaid.study.problem import Problem
 
@@ -47,7 +48,7 @@ class Run:
         self.total, self.problem = total, problem
         self.number = self.falls = self.generation = 0
         self.best: Trial | None = None
-        self._searcher = problem.make_searcher()
+        self._searcher: Any = problem.make_searcher()
         if isinstance(self._searcher, OutputError):
             self._searcher.until = until
         self._patient_until = HELD_BACK * problem.spec.study.trials
@@ -89,13 +90,11 @@ class Run:
 
     def _widen_bounds(self) -> None:
         """Moves the bounds away that the best trial is at, where the measure says that something better is beyond."""
-        problem, searcher = self.problem, self._searcher
-        if self.best is None or self.number < self._patient_until or not problem.widens:
+        problem, best = self.problem, self.best
+        if best is None or self.number < self._patient_until or not problem.widens:
             return
-        if isinstance(searcher, WideningSearcher) and self.best.outcome.value > problem.resolution:
-            coordinates = problem.widen(self.best.factors)
-            if coordinates is not None:
-                searcher.widen(coordinates)
+        if best.outcome.value > problem.resolution and (coordinates := problem.widen(best.factors)) is not None:
+            self._searcher.widen(coordinates)
 
     def replay(self, trials: list[Trial], where: str) -> None:
         """Takes in all that the DB holds.  Raises StorageError where it does not follow from the settings."""

@@ -78,7 +78,7 @@ def judge_of(problem: Problem) -> str:
 
 def _and_widened(problem: Problem) -> str:
     """What becomes of the bounds, as the end of a sentence."""
-    widens = problem.widens_by_itself
+    widens = problem.widens
     return ": one that holds the search back is moved away, once" if widens else " (search.low, search.high)"
 
 
