@@ -13,7 +13,7 @@ import numpy as np
 from metaid.episode import Outcome
 from metaid.estimation.approximation import HeldOut, Prediction
 from metaid.estimation.estimate import Found
-from metaid.estimation.faults import NO_FAULTS, Proposal, SearchedFaults, TakenUp, Unmodelled, searched_faults
+from metaid.estimation.faults import NO_FAULTS, Proposal, SearchedFaults, TakenUp, Unmodelled
 from metaid.estimation.fit import fit
 from metaid.estimation.laws import Laws
 from metaid.estimation.motions import Motions, Quantity
@@ -37,7 +37,6 @@ from metaid.models import Array
 
 PROBES = {"speed": 1, "both": 1, "frequency": 2}  # trials that show much, by what is compared
 RESTARTS = 3  # of a fit that explains nothing, from elsewhere
-SOME = 0.03  # of what the joints need: noise of torques that stands for what the model has not, to begin with
 AGREED = 1e-6  # of what an unknown may be beforehand: two estimates that are so near each other are the same
 LINEARISED = 1.1  # of what noise explains: so much a filter may leave, whose covariances are linearised
 STILL_SHRINKS = 0.95  # of the widest interval before: a trial that leaves more of it is worth no other
@@ -194,7 +193,7 @@ class Experiment:
         found = self._fitted(trials, start, thorough)
         if found is None or found.is_explained or self.loop is None or self.torque_noise is not None:
             return found
-        return led(self._readings(trials), replace(found, torque_noise=self._some_torque)) or found
+        return led(self._readings(trials), found) or found
 
     def _fitted(self, trials: Sequence[Any], start: Found | None, thorough: bool) -> Found | None:
         """What the `trials` say with what is searched."""
@@ -228,7 +227,7 @@ class Experiment:
         """
         if not self.takes_up or self.loop is None or (estimate.is_explained and estimate.faults is None):
             return estimate, None
-        return take_up(self._readings(trials), estimate, self._search, self._some_torque)
+        return take_up(self._readings(trials), estimate)
 
     def as_possible(self, trials: Sequence[Any], estimate: Found) -> Found:
         """An `estimate` of the `trials` as near as a plant can have it; without noise it is what it is."""
@@ -246,8 +245,7 @@ class Experiment:
         """
         if self.takes_up or self.torque_noise is not None or self.loop is None:
             return None  # none of them explains the trials; or gains of a filter that are those without it
-        compared, delay = self._readings(trials), self.loop.declared_delay
-        return proposed_faults(compared, estimate, self._search, self._some_torque, delay)
+        return proposed_faults(self._readings(trials), estimate, self.loop.declared_delay)
 
     def predicted(self, trials: Sequence[Any], estimate: Found) -> Prediction | None:
         """How well an `estimate` that explains the `trials` predicts some of their pushes from the others. None without
@@ -305,15 +303,6 @@ class Experiment:
     def _led(self, trials: Sequence[Any], estimate: Found) -> Readings | None:
         """What is compared at an `estimate`; None where the twin cannot follow, and without noise."""
         return None if self.loop is None else compared_at(self._readings(trials), estimate)
-
-    def _search(self, kinds: tuple[str, ...]) -> SearchedFaults:
-        """Faults of these `kinds` as unknowns."""
-        return searched_faults(kinds, self.unknowns, self.starts[:, 1], self.faults.teeth)
-
-    @property
-    def _some_torque(self) -> Array:
-        """What the noise of each joint's torque (njoint) may be that stands for what the model has not, in N m."""
-        return SOME * np.asarray(self.unknowns.torques(float(np.abs(self.starts[:, 1]).max())))
 
 
 def _digest(trials: Sequence[ReadTrial]) -> bytes:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import mujoco
@@ -11,7 +10,7 @@ import pytest
 from random_arm import random_arm
 from slopes import assert_slopes
 
-from metaid.estimation import BaseUnknowns, Readings, ReadTrial, SearchedFaults, fit, searched_faults
+from metaid.estimation import BaseUnknowns, Readings, ReadTrial, fit, searched_faults
 from metaid.estimation.noisy import Innovations, as_possible, led, take_up, unmodelled_forces
 from metaid.models import Array
 from metaid.models.tree import ArmPrior, Tree, joint_torque
@@ -70,11 +69,6 @@ def pushed(
     return ReadTrial(TIMESTEP, noisy, torques, steps, speeds, None, np.full(n, NOISE), poses=poses + offset)
 
 
-def search_of(searched: BaseUnknowns, trial: ReadTrial) -> Callable[[tuple[str, ...]], SearchedFaults]:
-    """Makes faults unknown that the arm of a trial may have."""
-    return lambda kinds: searched_faults(kinds, searched, trial.start_speeds)
-
-
 def some_noise(searched: BaseUnknowns, trial: ReadTrial) -> Array:
     """What noise of the torques may be, in N m: a share of what each joint needs (njoint)."""
     return 0.03 * searched.torques(float(np.abs(trial.start_speeds).max()))
@@ -131,7 +125,7 @@ def test_torques_at_which_motors_cut_off_are_found() -> None:
     searched, trial = BaseUnknowns(ArmPrior(nominal_of(tree))), pushed(tree, (), limits=limits, pushes=4)
     plain = fit(Readings([trial], searched), restarts=0)
     assert not plain.is_explained
-    found, taken = take_up(Readings([trial], searched), plain, search_of(searched, trial), some_noise(searched, trial))
+    found, taken = take_up(Readings([trial], searched), plain)
     assert found.is_explained
     assert found.faults is not None
     assert taken is not None
@@ -155,7 +149,7 @@ def test_fault_that_explains_an_arm_is_proposed() -> None:
     searched, trial = BaseUnknowns(ArmPrior(nominal_of(tree))), pushed(tree, ("delay",))
     readings = Readings([trial], searched)
     plain = fit(readings, restarts=0)
-    found, _ = take_up(readings, plain, search_of(searched, trial), some_noise(searched, trial))
+    found, _ = take_up(readings, plain)
     assert found.is_explained
     assert found.faults is not None
     assert found.faults.searched.kinds == ("delay",)

@@ -6,9 +6,9 @@ import re
 from typing import Any
 
 import pytest
-from watched import GRAVITY, NOISE, raised, some_torque, watched
+from watched import GRAVITY, NOISE, raised, watched
 
-from metaid.estimation import LogUnknowns, Readings, SearchedFaults, fit, searched_faults
+from metaid.estimation import LogUnknowns, Readings, fit
 from metaid.estimation.noisy import proposed_faults
 from metaid.plant import FaultSettings
 
@@ -31,13 +31,9 @@ def test_faults_that_explain_the_misfit_are_proposed(
     seen = watched(2, 1, faults=FaultSettings(angle_noise=NOISE, speed_sensor=False, **faults), longer=2.0, **joints)
     unknowns = LogUnknowns(seen.nominal.lumps, GRAVITY)
     readings = Readings([seen.read_trial(raised(seen.nominal.lumps, each)) for each in (1.2, 1.5)], unknowns)
-
-    def search(kinds: tuple[str, ...]) -> SearchedFaults:
-        return searched_faults(kinds, unknowns, seen.starts)
-
     estimate = fit(readings, restarts=0)
     assert not estimate.is_explained
-    proposal = proposed_faults(readings, estimate, search, some_torque(seen), declared)
+    proposal = proposed_faults(readings, estimate, declared)
     assert proposal is not None
     assert proposal.after < 1.3 < proposal.before
     assert re.search(said, proposal.description)
@@ -55,11 +51,7 @@ def test_of_one_link_what_explains_the_misfit_is_proposed_and_nothing_else(
     seen = watched(1, 5, faults=FaultSettings(angle_noise=NOISE, speed_sensor=False, **faults))
     unknowns = LogUnknowns(seen.nominal.lumps, GRAVITY)
     readings = Readings([seen.read_trial(raised(seen.nominal.lumps, 1.5))], unknowns)
-
-    def search(kinds: tuple[str, ...]) -> SearchedFaults:
-        return searched_faults(kinds, unknowns, seen.starts)
-
     estimate = fit(readings, restarts=0)
     assert not estimate.is_explained
-    proposal = proposed_faults(readings, estimate, search, some_torque(seen), 0.0)
+    proposal = proposed_faults(readings, estimate, 0.0)
     assert (None if proposal is None else proposal.kinds) == kinds

@@ -206,7 +206,7 @@ def test_spring_that_pushes_away_explains_nothing() -> None:
     shown = StudyEstimate(found, unknowns.kinds, len(trials), trials_of)
     assert not shown.explains
     assert shown.description.startswith("what was seen is explained only with spring_1 below 0, which no plant has: ")
-    kept, _ = take_up(readings, fit(readings, restarts=0), search, some_torque(seen))
+    kept, _ = take_up(readings, fit(readings, restarts=0))
     assert kept.faults is None or "spring" not in kept.faults.searched.kinds
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from watched import GRAVITY, NOISE, Watched, raised, some_torque, watched
+from watched import GRAVITY, NOISE, Watched, raised, watched
 
 from metaid.estimation import (
     Estimate,
@@ -39,7 +39,7 @@ def taken_up(seen: Watched, readings: Readings, begun_with: tuple[str, ...] = ()
         return searched_faults(kinds, readings.unknowns, seen.starts)
 
     begun = replace(readings, trials=readings.trials[:1], faults=search(begun_with)) if begun_with else readings
-    return take_up(readings, fit(begun, restarts=0), search, some_torque(seen))
+    return take_up(readings, fit(begun, restarts=0))
 
 
 def read_again(trial: ReadTrial, noise: float) -> ReadTrial:

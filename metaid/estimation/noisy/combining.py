@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from metaid.estimation.estimate import Found
 from metaid.estimation.faults import FoundFaults
 from metaid.estimation.noisy.readings import Readings
-from metaid.estimation.noisy.tried import NOTHING, Combining, Search, Tried, combining_of, farthest_moved
+from metaid.estimation.noisy.tried import NOTHING, Combining, Tried, combining_of, farthest_moved
 from metaid.models import DEVIATIONS, Array
 
 # What goes as one: the angle over which friction builds up is nothing without friction. An arm has that by itself.
@@ -48,20 +48,13 @@ CLEARLY, PLAINLY = 3.0, 10.0  # standard deviations from none
 ROUNDS = 8  # of taking up
 
 
-def combine(
-    readings: Readings, estimate: Found, search: Search, torque_noise: Array
-) -> tuple[Tried, list[Tried]] | None:
+def combine(readings: Readings, estimate: Found) -> tuple[Tried, list[Tried]] | None:
     """The fit with the faults that together make pushes most likely that were left out, among them those that are
-    searched already; and others that do as well in the place of the last. None where the twin cannot be led.
-
-    Args:
-        readings: of all trials.
-        estimate: of them.
-        search: makes faults of given kinds unknown.
-        torque_noise: what the noise of each joint's torque is thought to be (njoint), in N m.
+    searched already, from the `estimate` of all `readings` on; and others that do as well in the place of the last.
+    None where the twin cannot be led.
     """
     known = readings.faults.kinds
-    combining = combining_of(readings, search, torque_noise)
+    combining = combining_of(readings)
     if combining is None:
         return None
     taken_up = () if estimate.faults is None else estimate.faults.searched.kinds

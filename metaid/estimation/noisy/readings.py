@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from metaid.compiled import share_out
 from metaid.estimation.descent import Residuals
-from metaid.estimation.faults import NO_FAULTS, SearchedFaults
+from metaid.estimation.faults import NO_FAULTS, SearchedFaults, searched_faults
 from metaid.estimation.noisy.polynomials import (
     POLYNOMIALS,
     STRIDE,
@@ -45,6 +45,7 @@ from metaid.models import Array
 
 DEGREE = 9  # of the polynomials that smooth the angles of a push
 DRAWN = 100  # readings of a push that a replay keeps
+SOME = 0.03  # of what the joints need: noise of torques that stands for what the model has not, to begin with
 
 Seen = TypeVar("Seen")
 
@@ -112,6 +113,16 @@ class Readings:
     def extras(self) -> int:
         """How many unknowns concern one push alone: start speeds, and coordinates."""
         return sum(trial.extras for trial in self.trials)
+
+    def search(self, kinds: tuple[str, ...]) -> SearchedFaults:
+        """Faults of these `kinds` as unknowns."""
+        return searched_faults(kinds, self.unknowns, self.trials[0].start_speeds, self.faults.teeth)
+
+    @property
+    def some_torque(self) -> Array:
+        """What the noise of each joint's torque (njoint) may be that stands for what the model has not, in N m."""
+        fastest = float(np.abs(self.trials[0].start_speeds).max())
+        return SOME * np.asarray(self.unknowns.torques(fastest))
 
     @property
     def _each(self) -> Iterator[tuple[ReadTrial, PolynomialWindows]]:

@@ -15,23 +15,17 @@ from metaid.estimation.noisy.combining import combine
 from metaid.estimation.noisy.held_out import not_led
 from metaid.estimation.noisy.readings import Readings
 from metaid.estimation.noisy.torque_noise import fit_with_torque_noise
-from metaid.estimation.noisy.tried import Search, Tried, farthest_moved, led_by
+from metaid.estimation.noisy.tried import Tried, farthest_moved, led_by
 from metaid.models import Array
 
 FAR = 0.2  # of the misfit before: faults with which it falls less are hardly what is missing
 
 
-def take_up(readings: Readings, estimate: Found, search: Search, torque_noise: Array) -> tuple[Found, TakenUp | None]:
-    """The estimate of some `readings` with the faults that together predict pushes best that were left out, and what
-    speaks for these; None where none was needed, or none helps.
-
-    Args:
-        readings: of all trials.
-        estimate: of them, with faults or without.
-        search: makes faults of given kinds unknown.
-        torque_noise: what the noise of each joint's torque is thought to be (njoint), in N m.
+def take_up(readings: Readings, estimate: Found) -> tuple[Found, TakenUp | None]:
+    """The `estimate` of some `readings`, with faults or without, with the faults that together predict pushes best that
+    were left out, and what speaks for these; None where none was needed, or none helps.
     """
-    combined = combine(readings, estimate, search, torque_noise)
+    combined = combine(readings, estimate)
     if combined is None:
         return estimate, None
     tried, others = combined
@@ -47,19 +41,11 @@ def take_up(readings: Readings, estimate: Found, search: Search, torque_noise: A
     return found, TakenUp(kinds, sizes, _without(readings, estimate), found.misfit, tuple(rivals), shifts)
 
 
-def proposed_faults(
-    readings: Readings, estimate: Found, search: Search, torque_noise: Array, declared: float
-) -> Proposal | None:
-    """The faults that together predict pushes better that were left out, were they searched; None where none does.
-
-    Args:
-        readings: of all trials.
-        estimate: of them.
-        search: makes faults of given kinds unknown.
-        torque_noise: what the noise of each joint's torque is thought to be (njoint), in N m.
-        declared: the delay in s that the torques of the trials have already.
+def proposed_faults(readings: Readings, estimate: Found, declared: float) -> Proposal | None:
+    """The faults that together predict pushes better that were left out than an `estimate` of the `readings` does, were
+    they searched; None where none does. The torques have a delay of so many s `declared` already.
     """
-    found, taken_up = take_up(readings, estimate, search, torque_noise)
+    found, taken_up = take_up(readings, estimate)
     if taken_up is None or found.faults is None or not (found.is_explained or found.misfit < FAR * estimate.misfit):
         return None
     sizes = fault_sizes(taken_up.kinds, found.faults, declared)
@@ -76,8 +62,8 @@ def led(readings: Readings, begin: Found) -> Found | None:
     """The fit with noise of torques in place of what the model has not, from where another ended; None where the twin
     cannot follow. Its misfit is that of the twin without that noise.
     """
-    assert begin.torque_noise is not None
-    found = fit_with_torque_noise(led_by(readings), begin.start, begin.torque_noise)
+    noise = readings.some_torque if begin.torque_noise is None else begin.torque_noise
+    found = fit_with_torque_noise(led_by(readings), begin.start, noise)
     return None if found is None else not_led(readings, found, found.point)
 
 

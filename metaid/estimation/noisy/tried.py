@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -18,8 +17,6 @@ from metaid.estimation.noisy.scanned import limits_shown, teeth_shown
 from metaid.estimation.noisy.torque_noise import PUSHES, fit_with_torque_noise, likeliest_noise
 from metaid.models import DEVIATIONS, Array, kind_of
 from metaid.plant import FAULT_UNITS
-
-Search = Callable[[tuple[str, ...]], SearchedFaults]  # makes faults of given kinds unknown
 
 NONE = {"gain": 1.0, "limit": np.inf}  # what is none of a fault, where that is not 0
 LOOKED_AT = 3  # faults that are fitted wholly, of those that may be taken up
@@ -58,14 +55,10 @@ class Tried:
 
 @dataclass(frozen=True)
 class Combining:
-    """The pushes that are fitted, `kept`, and those that are left out; how faults of given kinds are made unknown, and
-    what the noise of each joint's torque is thought to be (njoint) to begin with, in N m.
-    """
+    """The pushes that are fitted, `kept`, and those that are `left` out."""
 
     kept: Innovations
     left: Innovations
-    search: Search
-    torque_noise: Array
 
     def fitted(
         self,
@@ -89,7 +82,7 @@ class Combining:
 
     def fitted_with(self, faults: SearchedFaults, before: Tried | None, start: Array | None = None) -> Tried | None:
         """The same with these `faults`."""
-        noise = self.torque_noise
+        noise = self.kept.some_torque
         if before is not None:
             assert before.found.torque_noise is not None
             start, noise = begin_with(before.found, faults), before.found.torque_noise
@@ -109,7 +102,7 @@ class Combining:
         """
         kept = replace(self.kept, faults=self._bounded(kinds, None))
         nominal = np.zeros(len(kept.spreads) + kept.extras)
-        led = None if "limit" in kinds else kept.led(nominal, self.torque_noise)
+        led = None if "limit" in kinds else kept.led(nominal, kept.some_torque)
         limits = None if led is None else limits_shown(led, nominal)
         tried = [self.fitted(kinds, None)]
         if limits is not None:
@@ -131,7 +124,7 @@ class Combining:
         self, kinds: tuple[str, ...], before: Tried | None, teeth: int = 0, limits: Array | None = None
     ) -> SearchedFaults:
         """Faults as `fitted` has them."""
-        faults = self.search(tuple(kind for kind in FAULT_UNITS if kind in kinds))
+        faults = self.kept.search(tuple(kind for kind in FAULT_UNITS if kind in kinds))
         teeth = faults.teeth or teeth or (0 if before is None else before.faults.teeth)
         if limits is None:
             limits = before.faults.limits if before is not None and "limit" in before.kinds else faults.limits
@@ -140,7 +133,7 @@ class Combining:
     def with_cogging(self, before: Tried) -> list[Tried]:
         """The fit with cogging besides, if there is one."""
         kept = None if "cogging" in before.kinds else self._led(before)
-        teeth = 0 if kept is None else self.search(("cogging",)).teeth or teeth_shown(kept, before.found.point)
+        teeth = 0 if kept is None else self.kept.search(("cogging",)).teeth or teeth_shown(kept, before.found.point)
         tried = self.fitted((*before.kinds, "cogging"), before, teeth=teeth) if teeth else None
         return [] if tried is None else [tried]
 
@@ -202,7 +195,7 @@ class Combining:
         return place.cost - 0.5 * float(target @ target) + len(faults.names)
 
 
-def combining_of(readings: Readings, search: Search, torque_noise: Array) -> Combining | None:
+def combining_of(readings: Readings) -> Combining | None:
     """The pushes in two parts, of a real plant with readings no closer than DENSEST; None where there are too few."""
     trials = [
         trial.thinned(max(int(DENSEST / trial.period), 1)) if trial.is_continuous else trial
@@ -211,9 +204,7 @@ def combining_of(readings: Readings, search: Search, torque_noise: Array) -> Com
     try:
         led = replace(led_by(replace(readings, trials=trials)), least_gain=ENOUGH)
         is_tried, is_out = parts_of(led)
-        return Combining(
-            only_pushes(led, is_tried & ~is_out), only_pushes(led, is_tried & is_out), search, torque_noise
-        )
+        return Combining(only_pushes(led, is_tried & ~is_out), only_pushes(led, is_tried & is_out))
     except ValueError:
         return None
 
