@@ -22,7 +22,6 @@ from metaid.estimation.noisy import (
     Loop,
     Readings,
     as_possible,
-    compared_at,
     explained,
     fit_with_torque_noise,
     hold_out,
@@ -38,7 +37,6 @@ from metaid.models import Array
 PROBES = {"speed": 1, "both": 1, "frequency": 2}  # trials that show much, by what is compared
 RESTARTS = 3  # of a fit that explains nothing, from elsewhere
 AGREED = 1e-6  # of what an unknown may be beforehand: two estimates that are so near each other are the same
-LINEARISED = 1.1  # of what noise explains: so much a filter may leave, whose covariances are linearised
 STILL_SHRINKS = 0.95  # of the widest interval before: a trial that leaves more of it is worth no other
 
 SeenTrial = WatchedTrial | ReadTrial
@@ -215,8 +213,7 @@ class Experiment:
         """What the model has not, as far as the `trials` show it beside an `estimate` of them. Without noise there is
         nothing to look for: the misfit says all. Where faults have been tried, no force is seen any more.
         """
-        compared = self._led(trials, estimate)
-        found = [] if compared is None else list(unmodelled_forces(compared, estimate))
+        found = [] if self.loop is None else list(unmodelled_forces(self._readings(trials), estimate))
         if estimate.led_misfit is not None and (self.takes_up or estimate.faults is not None):
             return [replace(each, is_seen=False, is_hinted=False) if each.is_force else each for each in found]
         return found
@@ -251,20 +248,15 @@ class Experiment:
         """How well an `estimate` that explains the `trials` predicts some of their pushes from the others. None without
         noise, where it explains nothing, and where no push can be left out.
         """
-        compared = self._led(trials, estimate) if estimate.is_explained else None
-        return None if compared is None else predicted(compared, estimate)
+        if self.loop is None or not estimate.is_explained:
+            return None
+        return predicted(self._readings(trials), estimate)
 
     def held_out(self, trials: Sequence[Any], estimate: Found) -> HeldOut | None:
         """How well fits to some of the pushes of the `trials` predict the others, from an `estimate` on. None without
         noise, where a model that leaves more than rounding is wrong, and where there are too few pushes.
         """
-        fitted = self._led(trials, estimate)
-        if fitted is None:
-            return None
-        if estimate.led_misfit is None:
-            return hold_out(fitted, estimate.point)
-        is_noise = estimate.led_misfit < LINEARISED * estimate.explained_below
-        return hold_out(fitted, estimate.point, self._readings(trials), estimate.torque_noise if is_noise else None)
+        return None if self.loop is None else hold_out(self._readings(trials), estimate)
 
     def replay(self, trials: Sequence[Any], estimate: Found, number: int) -> Replay:
         """What was seen of one of the `trials` that an `estimate` is made of, and what the twin at the estimate shows
@@ -299,10 +291,6 @@ class Experiment:
         """The same of a plant with noise."""
         kind = Readings if self.torque_noise is None else Innovations
         return kind(trials, self.unknowns, faults=self.faults)
-
-    def _led(self, trials: Sequence[Any], estimate: Found) -> Readings | None:
-        """What is compared at an `estimate`; None where the twin cannot follow, and without noise."""
-        return None if self.loop is None else compared_at(self._readings(trials), estimate)
 
 
 def _digest(trials: Sequence[ReadTrial]) -> bytes:

@@ -16,30 +16,30 @@ from metaid.estimation.approximation import HeldOut, Prediction
 from metaid.estimation.descent import place_at
 from metaid.estimation.estimate import Found
 from metaid.estimation.fit import fit, settled
-from metaid.estimation.noisy.innovations import Innovations
+from metaid.estimation.noisy.innovations import Innovations, compared_at
 from metaid.estimation.noisy.polynomials import explained_by_noise
 from metaid.estimation.noisy.readings import Readings
 from metaid.estimation.noisy.torque_noise import PUSHES, likeliest_noise
 from metaid.models import Array
 
 PARTS = 3  # of the pushes, each of which is left out once
+LINEARISED = 1.1  # of what noise explains: so much a filter may leave, whose covariances are linearised
 ROUNDS = 4  # Gauss-Newton steps of what concerns a push alone
 
 Compared = TypeVar("Compared", bound=Readings)
 
 
-def hold_out(
-    compared: Readings, point: Array, judged: Readings | None = None, noise: Array | None = None
-) -> HeldOut | None:
-    """What pushes that are left out say of an estimate; None where there are too few, or no fit to the others.
-
-    Args:
-        compared: the readings of all pushes.
-        point: all unknowns of the estimate (nunknown + nextra), from which the fits begin.
-        judged: by which pushes that are left out are predicted, where that is another comparison of them.
-        noise: of the torques (njoint), in N m, where it explains what the estimate leaves; then likelihoods judge, too.
+def hold_out(readings: Readings, estimate: Found) -> HeldOut | None:
+    """What pushes that are left out say of an `estimate` of the `readings`; None where there are too few, or no fit to
+    the others. Where noise of the torques stands for what the model has not, they are predicted by a twin without; and
+    where it explains what the estimate leaves, likelihoods judge, too.
     """
-    judged = compared if judged is None else judged
+    compared, noise = compared_at(readings, estimate), None
+    if compared is None:
+        return None
+    judged = compared if estimate.led_misfit is None else readings
+    if estimate.led_misfit is not None and estimate.led_misfit < LINEARISED * estimate.explained_below:
+        noise = estimate.torque_noise
     pushes, count = max(len(trial.steps) for trial in compared.trials), len(compared.spreads)
     parts = min(PARTS, pushes)
     if parts < 2:
@@ -51,7 +51,7 @@ def hold_out(
             kept, left = only_pushes(compared, ~is_out), only_pushes(judged, is_out)
         except ValueError:  # every push of a part fell at once
             return None
-        unknowns = settled(kept, point)
+        unknowns = settled(kept, estimate.point)
         if unknowns is None:
             return None
         fits.append(unknowns)
@@ -85,11 +85,14 @@ def predicted(readings: Readings, estimate: Found) -> Prediction | None:
     The squares of all pushes less those of the others alone are the squared prediction errors of the pushes held out,
     scaled by what noise and the covariance of that fit make of them.
     """
+    compared = compared_at(readings, estimate)
+    if compared is None:
+        return None
     try:
-        kept = only_pushes(readings, ~_other(readings))
+        kept = only_pushes(compared, ~_other(compared))
     except ValueError:
         return None
-    whole = place_at(readings, estimate.point, readings.stages)
+    whole = place_at(compared, estimate.point, compared.stages)
     found = fit(kept, estimate.start, -1)
     part = None if found is None else kept.residuals(found.point, kept.stages)
     if whole is None or part is None:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from metaid.estimation.estimate import Found
 from metaid.estimation.noisy.readings import Readings
 from metaid.estimation.trials import Gains
 from metaid.estimation.twin import Filter
@@ -83,3 +84,18 @@ class Innovations(Readings):
             moved = trial.start_spread[:, : 2 * n - own]  # without what friction begins with
             begins[:, own:, own:] = moved @ moved.swapaxes(1, 2)
         return posed.twin.lead(posed.trial, posed.starts, begins, pushes, posed.joints)
+
+
+def led_by(readings: Readings) -> Innovations:
+    """The same, of which a filter leads the twin."""
+    own = {each.name: getattr(readings, each.name) for each in fields(Readings)}
+    return Innovations(**own)
+
+
+def compared_at(readings: Readings, estimate: Found) -> Readings | None:
+    """What of the `readings` is compared with the twin at an `estimate`, which a filter leads where torques are noisy
+    there; None where it cannot follow.
+    """
+    if estimate.torque_noise is None:
+        return readings
+    return led_by(readings).led(estimate.point, estimate.torque_noise)

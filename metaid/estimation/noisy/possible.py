@@ -10,8 +10,8 @@ from metaid.estimation.descent import covariance_at, place_at
 from metaid.estimation.estimate import Found
 from metaid.estimation.faults import found_faults
 from metaid.estimation.noisy.held_out import not_led
+from metaid.estimation.noisy.innovations import compared_at
 from metaid.estimation.noisy.readings import Readings
-from metaid.estimation.noisy.tried import compared_at
 
 
 def as_possible(readings: Readings, estimate: Found) -> Found:

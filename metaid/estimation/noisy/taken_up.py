@@ -13,9 +13,10 @@ from metaid.estimation.faults import Proposal, TakenUp, fault_sizes, named_fault
 from metaid.estimation.fit import fit
 from metaid.estimation.noisy.combining import combine
 from metaid.estimation.noisy.held_out import not_led
+from metaid.estimation.noisy.innovations import led_by
 from metaid.estimation.noisy.readings import Readings
 from metaid.estimation.noisy.torque_noise import fit_with_torque_noise
-from metaid.estimation.noisy.tried import Tried, farthest_moved, led_by
+from metaid.estimation.noisy.tried import Tried, farthest_moved
 from metaid.models import Array
 
 FAR = 0.2  # of the misfit before: faults with which it falls less are hardly what is missing

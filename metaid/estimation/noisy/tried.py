@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from metaid.estimation.descent import covariance_at, place_at, triangle
 from metaid.estimation.estimate import Found
 from metaid.estimation.faults import FoundFaults, SearchedFaults, found_faults
 from metaid.estimation.noisy.held_out import only_pushes
-from metaid.estimation.noisy.innovations import Innovations
+from metaid.estimation.noisy.innovations import Innovations, led_by
 from metaid.estimation.noisy.readings import Readings
 from metaid.estimation.noisy.scanned import limits_shown, teeth_shown
 from metaid.estimation.noisy.torque_noise import PUSHES, fit_with_torque_noise, likeliest_noise
@@ -227,21 +227,6 @@ def parts_of(readings: Readings) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     stride = -(-work // MOST_WORK)
     is_tried = (pushes + trials[:, None]) % stride == 0
     return is_tried, np.asarray((pushes // stride + trials[:, None]) % OF == OUT)
-
-
-def led_by(readings: Readings) -> Innovations:
-    """The same, of which a filter leads the twin."""
-    own = {each.name: getattr(readings, each.name) for each in fields(Readings)}
-    return Innovations(**own)
-
-
-def compared_at(readings: Readings, estimate: Found) -> Readings | None:
-    """What of the `readings` is compared with the twin at an `estimate`, which a filter leads where torques are noisy
-    there; None where it cannot follow.
-    """
-    if estimate.torque_noise is None:
-        return readings
-    return led_by(readings).led(estimate.point, estimate.torque_noise)
 
 
 def begin_with(found: Found, faults: SearchedFaults) -> Array:

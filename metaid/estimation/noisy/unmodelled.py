@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from metaid.estimation.estimate import Found
 from metaid.estimation.faults import GEOMETRY, Unmodelled
+from metaid.estimation.noisy.innovations import compared_at
 from metaid.estimation.noisy.readings import Readings
 from metaid.estimation.trials import ReadTrial
 from metaid.models import DEVIATIONS, SLIDING, Array
@@ -37,6 +38,10 @@ def unmodelled_forces(readings: Readings, estimate: Found) -> Iterator[Unmodelle
 
     What is among the unknowns, as lumps or as faults, is not looked for.
     """
+    compared = compared_at(readings, estimate)
+    if compared is None:
+        return
+    readings = compared
     torques = [_torques(trial, *readings.motion(number)) for number, trial in enumerate(readings.trials)]
     hidden = {kind: _not_searched(kind, len(each), readings) for kind, each in torques[0].items()}
     joints = {kind: np.arange(len(each)) for kind, each in hidden.items() if each.any()}
