@@ -152,13 +152,13 @@ class Readings:
         `moved` ones, of which nothing is unknown.
         """
 
-        def _compared(number: int, unknowns: Array, whitened: Array, windows: int) -> Compared | None:
-            compared = self._compare(number, unknowns, whitened, windows, torques[number])
-            beside = None if compared is None else self._compare_moved(number, unknowns, whitened, compared[0], moved)
+        def _compared(number: int, posed: Posed, windows: int) -> Compared | None:
+            compared = self._compare(number, posed, windows, torques[number])
+            beside = None if compared is None else self._compare_moved(number, posed, compared[0], moved)
             if compared is None or beside is None:
                 return None
             values, slopes = compared
-            count = len(unknowns) + len(torques[number])
+            count = len(self.spreads) + len(torques[number])
             return values, np.concatenate([slopes[..., :count], beside, slopes[..., count:]], axis=-1)
 
         return self._eliminated(point, self.stages, _compared)
@@ -219,27 +219,19 @@ class Readings:
         return Replay(trial.period * kept, seen, simulated, trial.noise, self.unknowns.joints)
 
     def _compare(
-        self,
-        number: int,
-        unknowns: Array,
-        whitened: Array,
-        windows: int,
-        torques: Array | None = None,
-        by_faults: bool = True,
+        self, number: int, posed: Posed, windows: int, torques: Array | None = None, by_faults: bool = True
     ) -> Compared | None:
         """The trial of that `number` on the longest of the first `windows` windows of each push; None where the twin
         cannot follow.
 
         Args:
             number: of the trial.
-            unknowns: of all pushes (nunknown).
-            whitened: what each push has alone (npush x nextra), scaled by its spread; derivatives by it are the last.
+            posed: with its twin; derivatives by what each push has alone are the last.
             windows: of which the longest is compared.
             torques: further ones (ntorque x npush x nstep x njoint), whose sizes are unknown, too: derivatives by them
                 are behind those by the unknowns.
             by_faults: whether there are derivatives by the faults among the unknowns.
         """
-        posed = self._posed(self.trials[number], unknowns, whitened)
         further, columns = NOTHING_FURTHER, np.empty(0, dtype=np.intp)
         if by_faults:
             further, columns = self._further(number, posed, torques)
@@ -345,13 +337,11 @@ class Readings:
             joints = self.faults.joints(faults)
         return Posed(trial, starts, self._last_twin(unknowns[:count].tobytes()), joints, faults)
 
-    def _compare_moved(
-        self, number: int, unknowns: Array, whitened: Array, values: Array, moved: Sequence[Unknowns]
-    ) -> Array | None:
+    def _compare_moved(self, number: int, posed: Posed, values: Array, moved: Sequence[Unknowns]) -> Array | None:
         """What the `values` of a trial on its longest windows change by (npush x nvalue x nmoved) with each robot that
         is `moved`. None where its twin cannot follow.
         """
-        posed, changes = self._posed(self.trials[number], unknowns, whitened), np.zeros((*values.shape, len(moved)))
+        changes = np.zeros((*values.shape, len(moved)))
         for column, robot in enumerate(moved):
             shown = self._shown(number, posed.of(twin_of(robot, np.empty(0))), self.stages)
             if shown is None:
@@ -360,13 +350,13 @@ class Readings:
         return changes
 
     def _eliminated(
-        self, point: Array, windows: int, compare: Callable[[int, Array, Array, int], Compared | None]
+        self, point: Array, windows: int, compare: Callable[[int, Posed, int], Compared | None]
     ) -> Residuals | None:
         """The residuals of all trials by what `compare` finds of each."""
 
         def of_one(number: int) -> Residuals | None:
             unknowns, whitened = self._of_trial(number, point)
-            compared = compare(number, unknowns, whitened, windows)
+            compared = compare(number, self._posed(self.trials[number], unknowns, whitened), windows)
             if compared is None:
                 return None
             reached = self._windows[number].are_reached(self.trials[number].steps)
