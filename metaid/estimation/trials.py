@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,8 @@ class WatchedTrial:
     starts: Array
     windows: Windows
     stiffness: Array | float = 0.0
+
+    is_continuous: ClassVar[bool] = False  # it moves in steps of Euler's
 
     @property
     def ends(self) -> NDArray[np.int64]:
@@ -106,6 +108,8 @@ class ReadTrial:
     poses: Array | None = None
     is_continuous: bool = False
     times: Array | None = None
+
+    law: ClassVar[None] = None  # what was commanded is known
 
     @property
     def period(self) -> float:

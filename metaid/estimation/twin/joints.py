@@ -23,7 +23,14 @@ def joint_state(joint, work):  # type: ignore[no-untyped-def]
 
 @compiled
 def joint_slopes(joint, first, slopes, work):  # type: ignore[no-untyped-def]
-    """Fills in derivatives (nunknown) of what a joint has of the rows of `moved` from the `first` on."""
+    """Fills in derivatives of what a joint has.
+
+    Args:
+        joint: its number.
+        first: of the rows of `moved`: 0 for its angle, njoint for its speed.
+        slopes: by the unknowns (nunknown), filled in.
+        work: see `workspace.Workspace`.
+    """
     own, below = work.moved[first + joint], work.below[joint]
     for p in range(slopes.shape[0]):
         slopes[p] = own[p]

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.estimation.trials import NOTHING_FURTHER, Further, Joints
+from metaid.estimation.trials import NOTHING_FURTHER, Further, Joints, ReadTrial, WatchedTrial
 from metaid.estimation.twin.planar_motion import (
     PlanarBalance,
     PlanarDerivatives,
@@ -20,20 +22,22 @@ from metaid.models import Array, Lumps
 class PlanarTwin(Twin):
     """A chain whose unknowns are `LogUnknowns`."""
 
+    @cached_property
+    def lumps(self) -> Lumps:
+        """Of the chain."""
+        lumps: Lumps = self.unknowns.lumps(self.point)
+        return lumps
+
     @property
     def links(self) -> Array:
         return np.tril(np.ones((self.unknowns.njoint, self.unknowns.njoint)))
 
     def moving(
-        self,
-        law: Lumps | None,
-        joints: Joints | None = None,
-        is_continuous: bool = False,
-        further: Further = NOTHING_FURTHER,
+        self, trial: WatchedTrial | ReadTrial, joints: Joints | None = None, further: Further = NOTHING_FURTHER
     ) -> tuple[PlanarBalance, PlanarDerivatives]:
-        lumps, rubs = self.unknowns.lumps(self.point), further.joints is not None and bool(further.joints.dry.any())
-        balance = planar_balance(law, lumps, self.unknowns.gravity, joints, is_continuous, rubs)
-        return balance, planar_derivatives(self.unknowns, lumps, further)
+        rubs = further.joints is not None and bool(further.joints.dry.any())
+        balance = planar_balance(trial.law, self.lumps, self.unknowns.gravity, joints, trial.is_continuous, rubs)
+        return balance, planar_derivatives(self.unknowns, self.lumps, further)
 
     @property
     def space(self) -> tuple[NDArray[np.int64], PlanarSpace]:

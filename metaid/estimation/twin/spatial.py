@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.estimation.trials import NOTHING_FURTHER, Further, Joints, WatchedTrial
+from metaid.estimation.trials import NOTHING_FURTHER, Further, Joints, ReadTrial, WatchedTrial
 from metaid.estimation.twin.shown import Motion
 from metaid.estimation.twin.spatial_motion import (
     COULOMB,
@@ -50,17 +50,13 @@ class SpatialTwin(Twin):
         return super().watch(trial, windows)
 
     def moving(
-        self,
-        law: Array | None,
-        joints: Joints | None = None,
-        is_continuous: bool = False,
-        further: Further = NOTHING_FURTHER,
+        self, trial: WatchedTrial | ReadTrial, joints: Joints | None = None, further: Further = NOTHING_FURTHER
     ) -> tuple[SpatialBalance, SpatialDerivatives]:
         dry = self.parameters[:, COULOMB] + (0.0 if joints is None else joints.dry)
-        sticks = bool(dry.any()) and not is_continuous
-        balance = spatial_balance(
-            self.unknowns.frames, self.parameters, law, self._softness[0] if sticks else None, joints, is_continuous
-        )
+        sticks = bool(dry.any()) and not trial.is_continuous
+        softness = self._softness[0] if sticks else None
+        own = self.unknowns.frames, self.parameters, trial.law
+        balance = spatial_balance(*own, softness, joints, trial.is_continuous)
         slopes = self._softness[1] if sticks and len(self._columns) else np.empty((0, 0))
         return balance, spatial_derivatives(self._columns, slopes, further, self.unknowns.njoint)
 

@@ -53,15 +53,10 @@ class Twin(ABC):
 
     @abstractmethod
     def moving(
-        self, law: Any, joints: Joints | None = None, is_continuous: bool = False, further: Further = NOTHING_FURTHER
+        self, trial: WatchedTrial | ReadTrial, joints: Joints | None = None, further: Further = NOTHING_FURTHER
     ) -> tuple[Any, Any]:
-        """What it moves by, and the derivatives of that.
-
-        Args:
-            law: that it is sent, without springs; None where only its own forces act, and what was commanded.
-            joints: what they have beside the parameters; None for nothing.
-            is_continuous: whether it takes Runge-Kutta steps.
-            further: what is unknown beside the robot.
+        """What it moves by in a trial, under its law if it has one, without springs, and the derivatives of that; with
+        what `joints` have beside the parameters, None for nothing, and by what is `further` unknown.
         """
 
     def by_unknowns(self, slopes: Array) -> Array:
@@ -93,7 +88,7 @@ class Twin(ABC):
         nunknown, shape = len(self.point), (npush, len(ends), n)
         angles, speeds, by_angle, by_speed = shown = (*np.zeros((2, *shape)), *np.zeros((2, *shape, nunknown)))
         reached, stiffness = np.zeros(npush, dtype=np.int64), np.broadcast_to(trial.stiffness, npush)
-        balance, derivatives = self.moving(trial.law)
+        balance, derivatives = self.moving(trial)
 
         def run(pushes: Iterator[int]) -> None:
             room = workspace(*self.space, nunknown)
@@ -138,7 +133,7 @@ class Twin(ABC):
         basis = [np.ascontiguousarray(each) for each in basis]
         (npush, _, n), coefficients, nunknown = starts.shape, basis[0].shape[1], len(self.point)
         extra = 0 if trial.start_spread is None else trial.start_spread.shape[-1]
-        balance, by = self.moving(None, joints, trial.is_continuous, further)
+        balance, by = self.moving(trial, joints, further)
         idle = n if extra and trial.is_continuous and not balance.dry.any() else 0  # shares of no friction
         if idle:
             starts, extra = np.ascontiguousarray(starts[:, :2]), extra - idle
@@ -187,7 +182,7 @@ class Twin(ABC):
         links, both = self.links, np.kron(np.eye(2), self.links)
         of_reading = (links * trial.noise**2) @ links.T
         covariances, seen = np.ascontiguousarray(both @ begins @ both.T), trial.readings @ links.T
-        forces, (balance, _) = self._forces(trial), self.alone.moving(None, joints, trial.is_continuous)
+        forces, (balance, _) = self._forces(trial), self.alone.moving(trial, joints)
         multiplications = int(trial.steps[pushes].sum()) * trial.substeps * 20 * n**3 * _stages(trial)
 
         def run(of_torque: Array, is_kept: bool) -> Run:
