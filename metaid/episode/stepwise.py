@@ -11,15 +11,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.episode.episode import Episode
-from metaid.episode.noise import noise_of
 from metaid.episode.plausible import PushCheck, StartCheck
 from metaid.episode.readings import readings_before_fall, told_times
 from metaid.episode.record import GoesOn, Motion, Record, Seen, Trajectory
 from metaid.errors import AbsentPlant, ImplausiblePlant, LostPlant
 from metaid.models import Array
-from metaid.plant import FaultyPlant, SocketPlant
+from metaid.plant import FaultyPlant, Noise, SocketPlant, draw, stream
 
 TRIES = 3  # of an episode in which the plant was lost
+RESTING = 1000  # readings of the plant at rest, which tell how far noise alone can throw one
+DEADBAND = 5.0  # of their standard deviation: a reading so near the upright tells no side
+
+
+def noise_of(plant: FaultyPlant, episode: Episode, number: int) -> Noise:
+    """The noise of an `episode` in the trial of that `number`: the same whenever, wherever, after whatever and with
+    whatever candidate it is run.
+    """
+    return draw(plant.faults, stream(episode.seed, number), episode.npush, episode.steps, plant.njoint)
+
+
+def with_deadband(episode: Episode, plant: FaultyPlant) -> Episode:
+    """The `episode` in which noise about the upright is no crossing."""
+    return replace(episode, deadband=DEADBAND * float(plant.rest(RESTING, episode.seed).std()))
 
 
 @dataclass(frozen=True)

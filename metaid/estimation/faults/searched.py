@@ -68,17 +68,12 @@ class SearchedFaults:
         return fault_names(self.kinds, self.njoint, self.tilts)
 
     @cached_property
-    def _about(self) -> Array:
-        """What each fault that is ABOVE_ZERO is about (nfault); 0 for the others."""
+    def about(self) -> Array:
+        """What each fault that is ABOVE_ZERO is about (nfault), and searched by its logarithm; 0 for the others."""
         about = np.array([ABOVE_ZERO.get(kind_of(name), (0.0, 0.0))[0] for name in self.names])
         if "limit" in self.kinds:
             about[self._places["limit"]] = self.limits
         return about
-
-    @property
-    def is_above_zero(self) -> NDArray[np.bool_]:
-        """Which faults (nfault) are searched by their logarithms."""
-        return np.asarray(self._about > 0.0)
 
     @property
     def is_left_out(self) -> NDArray[np.bool_]:
@@ -114,14 +109,14 @@ class SearchedFaults:
         bounded = np.isfinite(self._bend)
         positive = 0.5 * (unknowns + np.hypot(unknowns, np.where(bounded, self._bend, 0.0)))
         changes = self.scales * np.where(bounded, positive, unknowns)
-        return np.where(self._about > 0.0, self._about * np.exp(changes), changes)
+        return np.where(self.about > 0.0, self.about * np.exp(changes), changes)
 
     def deviations(self, unknowns: Array, deviations: Array) -> Array:
         """Standard deviations of the faults (nfault), in their units, from those of the `unknowns` (nfault)."""
         bounded = np.isfinite(self._bend)
         slope = 0.5 + 0.5 * unknowns / np.hypot(unknowns, np.where(bounded, self._bend, 1.0))
         own = self.scales * deviations * np.where(bounded, slope, 1.0)
-        return np.where(self._about > 0.0, self.values(unknowns) * own, own)
+        return np.where(self.about > 0.0, self.values(unknowns) * own, own)
 
     def _by_kind(self, unknowns: Array) -> dict[str, Array]:
         values = self.values(unknowns)
@@ -267,7 +262,7 @@ def found_faults(searched: SearchedFaults, unknowns: Array, deviations: Array) -
     """The faults at these `unknowns` (nfault) of a fit, whose standard `deviations` (nfault) were 1 beforehand."""
     values, scales = searched.values(unknowns), np.where(searched.is_left_out, np.nan, searched.scales)
     own = np.where(searched.is_left_out, np.nan, searched.deviations(unknowns, deviations))
-    determined = np.where(searched.is_above_zero, deviations, own / scales) <= DETERMINED
+    determined = np.where(searched.about > 0.0, deviations, own / scales) <= DETERMINED
     return FoundFaults(searched, values, own, unknowns, determined)
 
 
