@@ -65,17 +65,17 @@ def test_derivatives_of_innovations_are_those_of_their_differences() -> None:
     led = innovations.led(point, np.full(2, TORQUE_NOISE))
     assert led is not None
     count = len(true)
-    slopes = np.concatenate([led._compare(0, *led._of_trial(0, point), 1)[1]])  # type: ignore[index]
+    slopes = np.concatenate([led._compare(led._posed_at(0, point), 1)[1]])  # type: ignore[index]
     for column in (0, 2, 4):
         step = 1e-6 * np.eye(len(point))[column]
-        more, less = (led._compare(0, *led._of_trial(0, point + sign * step), 1) for sign in (1.0, -1.0))
+        more, less = (led._compare(led._posed_at(0, point + sign * step), 1) for sign in (1.0, -1.0))
         assert more is not None
         assert less is not None
         difference = (more[0] - less[0]) / 2e-6
         assert np.allclose(slopes[..., column], difference, atol=1e-5 * np.abs(difference).max())
     speeds = np.zeros(len(point))
     speeds[count] = 1e-6  # of the first push alone
-    more, less = (led._compare(0, *led._of_trial(0, point + sign * speeds), 1) for sign in (1.0, -1.0))
+    more, less = (led._compare(led._posed_at(0, point + sign * speeds), 1) for sign in (1.0, -1.0))
     assert more is not None
     assert less is not None
     assert np.allclose(slopes[0, :, count], (more[0] - less[0])[0] / 2e-6, atol=1e-4)

@@ -72,13 +72,12 @@ class Innovations(Readings):
 
     def _filter(self, number: int, point: Array, most: int | None) -> Filter:
         """That of a trial."""
-        unknowns, whitened = self._of_trial(number, point)
         trial, n = self.trials[number], len(self.trials[number].noise)
         pushes = np.flatnonzero(trial.steps > 0)
         if most is not None:
             trial = trial.only(pushes[:: -(-len(pushes) // most) or 1])
             pushes = np.arange(len(trial.steps))
-        posed, begins = self._posed(trial, unknowns, whitened, most is None), np.zeros((len(trial.steps), 2 * n, 2 * n))
+        posed, begins = self._posed_at(number, point, trial, most is None), np.zeros((len(trial.steps), 2 * n, 2 * n))
         if most is not None and trial.start_spread is not None:
             own = posed.starts.shape[1] * n - trial.start_spread.shape[-1]
             moved = trial.start_spread[:, : 2 * n - own]  # without what friction begins with

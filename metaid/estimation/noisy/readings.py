@@ -51,17 +51,19 @@ Seen = TypeVar("Seen")
 
 
 class Posed(NamedTuple):
-    """A `trial` with the torques that acted, and the `twin` that is driven through it: with the joint coordinates and
-    speeds of its `starts` (npush x 2 x njoint), and where the plant moves continuously the shares with which dry
-    friction begins (npush x 3 x njoint); what `joints` have beside the parameters, None for nothing; and the unknown
-    `faults` (nfault) that all of this is with.
+    """A `trial` of that `number` with the torques that acted, and the `twin` that is driven through it: with the joint
+    coordinates and speeds of its `starts` (npush x 2 x njoint), and where the plant moves continuously the shares with
+    which dry friction begins (npush x 3 x njoint); what `joints` have beside the parameters, None for nothing; and the
+    unknowns that all of this is with, `faults` (nfault), and what each push has alone, `whitened` (npush x nextra).
     """
 
+    number: int
     trial: ReadTrial
     starts: Array
     twin: Twin
     joints: Joints | None
     faults: Array
+    whitened: Array
 
     def of(self, twin: Twin) -> Posed:
         """The same of a `twin` of which nothing is unknown, nor of the starts."""
@@ -152,13 +154,14 @@ class Readings:
         `moved` ones, of which nothing is unknown.
         """
 
-        def _compared(number: int, posed: Posed, windows: int) -> Compared | None:
-            compared = self._compare(number, posed, windows, torques[number])
-            beside = None if compared is None else self._compare_moved(number, posed, compared[0], moved)
+        def _compared(posed: Posed, windows: int) -> Compared | None:
+            own = torques[posed.number]
+            compared = self._compare(posed, windows, own)
+            beside = None if compared is None else self._compare_moved(posed, compared[0], moved)
             if compared is None or beside is None:
                 return None
             values, slopes = compared
-            count = len(self.spreads) + len(torques[number])
+            count = len(self.spreads) + len(own)
             return values, np.concatenate([slopes[..., :count], beside, slopes[..., count:]], axis=-1)
 
         return self._eliminated(point, self.stages, _compared)
@@ -167,8 +170,9 @@ class Readings:
         """All of it, by the twin without derivatives."""
 
         def cost(number: int) -> float | None:
-            values, (_, whitened) = self._values(number, point, windows), self._of_trial(number, point)
-            return None if values is None else 0.5 * float((values**2).sum() + (whitened**2).sum())
+            posed = self._posed_at(number, point)
+            values = self._shown(posed.of(posed.twin.alone), windows)
+            return None if values is None else 0.5 * float((values**2).sum() + (posed.whitened**2).sum())
 
         costs = self._of_each(cost)
         return np.inf if costs is None else sum(costs)
@@ -179,7 +183,8 @@ class Readings:
         """
         tables = []
         for number, (trial, windows) in enumerate(self._each):
-            values = self._values(number, point, self.stages)
+            posed = self._posed_at(number, point)
+            values = self._shown(posed.of(posed.twin.alone), self.stages)
             table = np.full(trial.torques.shape[::2], np.nan)
             if values is not None:
                 seen = windows.are_reached(trial.steps)
@@ -219,14 +224,13 @@ class Readings:
         return Replay(trial.period * kept, seen, simulated, trial.noise, self.unknowns.joints)
 
     def _compare(
-        self, number: int, posed: Posed, windows: int, torques: Array | None = None, by_faults: bool = True
+        self, posed: Posed, windows: int, torques: Array | None = None, by_faults: bool = True
     ) -> Compared | None:
-        """The trial of that `number` on the longest of the first `windows` windows of each push; None where the twin
+        """A trial on the longest of the first `windows` windows of each push; None where the twin
         cannot follow.
 
         Args:
-            number: of the trial.
-            posed: with its twin; derivatives by what each push has alone are the last.
+            posed: the trial; derivatives by what each push has alone are the last.
             windows: of which the longest is compared.
             torques: further ones (ntorque x npush x nstep x njoint), whose sizes are unknown, too: derivatives by them
                 are behind those by the unknowns.
@@ -234,8 +238,8 @@ class Readings:
         """
         further, columns = NOTHING_FURTHER, np.empty(0, dtype=np.intp)
         if by_faults:
-            further, columns = self._further(number, posed, torques)
-        left = self._left(number, posed, windows, further)
+            further, columns = self._further(posed, torques)
+        left = self._left(posed, windows, further)
         if left is None:
             return None
         npush, count, spread = len(posed.starts), len(self.unknowns.names), posed.trial.start_spread
@@ -245,13 +249,13 @@ class Readings:
         slopes[..., count : count + further.size] = slopes[..., count + columns]
         return left.values.reshape(npush, -1), slopes
 
-    def _further(self, number: int, posed: Posed, torques: Array | None) -> tuple[Further, NDArray[np.intp]]:
+    def _further(self, posed: Posed, torques: Array | None) -> tuple[Further, NDArray[np.intp]]:
         """What the faults and the sizes of further `torques` change in a trial as it is `posed`, and where of each in
         turn it stands.
         """
         further, acted = NOTHING_FURTHER, posed.trial.torques
         if len(posed.faults):
-            further = self.faults.further(self.trials[number], posed.faults, acted)
+            further = self.faults.further(self.trials[posed.number], posed.faults, acted)
         is_of_torque = self.faults.is_of_torque
         more = 0 if torques is None else len(torques)
         if torques is not None:
@@ -260,28 +264,19 @@ class Readings:
         first = np.flatnonzero(np.append(is_of_torque, np.ones(more, dtype=np.bool_)))
         return further, np.argsort(np.concatenate([first, np.flatnonzero(~is_of_torque)]))
 
-    def _values(self, number: int, point: Array, windows: int) -> Array | None:
-        """What a trial shows at a `point` on the longest of the first `windows` windows (npush x nvalue), without
-        derivatives; None where the twin cannot follow.
+    def _shown(self, bare: Posed, windows: int) -> Array | None:
+        """What a robot of which nothing is unknown shows in a trial on the longest of the first `windows` windows
+        (npush x nvalue); None where its twin cannot follow.
         """
-        posed = self._posed_at(number, point)
-        return self._shown(number, posed.of(posed.twin.alone), windows)
-
-    def _shown(self, number: int, bare: Posed, windows: int) -> Array | None:
-        """The same of a robot of which nothing is unknown."""
-        left = self._left(number, bare, windows)
+        left = self._left(bare, windows)
         return None if left is None else left.values.reshape(len(bare.starts), -1)
 
-    def _left(self, number: int, posed: Posed, windows: int, further: Further = NOTHING_FURTHER) -> Coefficients | None:
-        """What a twin shows less what was read, scaled by the noise, and its derivatives; where it is led by what was
-        read, its whitened innovations. None where it cannot follow.
-
-        Args:
-            number: of the trial.
-            posed: with its twin.
-            windows: of which the longest is watched.
-            further: what is unknown beside the robot.
+    def _left(self, posed: Posed, windows: int, further: Further = NOTHING_FURTHER) -> Coefficients | None:
+        """What a twin shows less what was read, on the longest of the first `windows` windows, scaled by the noise, and
+        its derivatives, also by what is `further` unknown; where it is led by what was read, its whitened innovations.
+        None where it cannot follow.
         """
+        number = posed.number
         chosen, steps = self._longest(number, windows)
         basis, led = [self._windows[number].basis[window] for window in chosen], self._gains(number)
         driven = posed.twin.drive(posed.trial, posed.starts, steps, basis, posed.joints, further, led)
@@ -317,50 +312,42 @@ class Readings:
         """The robot by its log factors (nunknown); what follows from these alone is worked out once."""
         return lru_cache(maxsize=1)(lambda log_factors: twin_of(self.unknowns, np.frombuffer(log_factors).copy()))
 
-    def _of_trial(self, number: int, point: Array) -> tuple[Array, Array]:
-        """The unknowns (nunknown) at a `point`, and what each push of a trial has alone (npush x nextra)."""
-        count, trial = len(self.spreads), self.trials[number]
-        first = count + sum(each.extras for each in self.trials[:number])
-        return point[:count], point[first : first + trial.extras].reshape(len(trial.steps), -1)
-
-    def _posed_at(self, number: int, point: Array) -> Posed:
-        """A trial at a `point`."""
-        return self._posed(self.trials[number], *self._of_trial(number, point))
-
-    def _posed(self, trial: ReadTrial, unknowns: Array, whitened: Array, is_moved: bool = True) -> Posed:
-        """A trial at the unknowns of all pushes (nunknown); see `started` for how its pushes begin."""
-        count, joints = len(self.unknowns.names), None
-        faults = unknowns[count:]
-        starts = started(trial, whitened, is_moved)
+    def _posed_at(self, number: int, point: Array, trial: ReadTrial | None = None, is_moved: bool = True) -> Posed:
+        """A trial at a `point`, or some pushes of it alone, another `trial`; see `started` for how pushes begin."""
+        whole, count, joints = self.trials[number], len(self.unknowns.names), None
+        first = len(self.spreads) + sum(each.extras for each in self.trials[:number])
+        whitened = point[first : first + whole.extras].reshape(len(whole.steps), -1)
+        trial = whole if trial is None else trial
+        faults, starts = point[count : len(self.spreads)], started(trial, whitened, is_moved)
         if self.faults.names:
             trial = replace(trial, torques=self.faults.delivered(trial, faults))
             joints = self.faults.joints(faults)
-        return Posed(trial, starts, self._last_twin(unknowns[:count].tobytes()), joints, faults)
+        return Posed(number, trial, starts, self._last_twin(point[:count].tobytes()), joints, faults, whitened)
 
-    def _compare_moved(self, number: int, posed: Posed, values: Array, moved: Sequence[Unknowns]) -> Array | None:
+    def _compare_moved(self, posed: Posed, values: Array, moved: Sequence[Unknowns]) -> Array | None:
         """What the `values` of a trial on its longest windows change by (npush x nvalue x nmoved) with each robot that
         is `moved`. None where its twin cannot follow.
         """
         changes = np.zeros((*values.shape, len(moved)))
         for column, robot in enumerate(moved):
-            shown = self._shown(number, posed.of(twin_of(robot, np.empty(0))), self.stages)
+            shown = self._shown(posed.of(twin_of(robot, np.empty(0))), self.stages)
             if shown is None:
                 return None
             changes[..., column] = shown - values
         return changes
 
     def _eliminated(
-        self, point: Array, windows: int, compare: Callable[[int, Posed, int], Compared | None]
+        self, point: Array, windows: int, compare: Callable[[Posed, int], Compared | None]
     ) -> Residuals | None:
         """The residuals of all trials by what `compare` finds of each."""
 
         def of_one(number: int) -> Residuals | None:
-            unknowns, whitened = self._of_trial(number, point)
-            compared = compare(number, self._posed(self.trials[number], unknowns, whitened), windows)
+            posed = self._posed_at(number, point)
+            compared = compare(posed, windows)
             if compared is None:
                 return None
             reached = self._windows[number].are_reached(self.trials[number].steps)
-            return eliminated(compared, whitened, int(np.count_nonzero(reached)))
+            return eliminated(compared, posed.whitened, int(np.count_nonzero(reached)))
 
         parts = self._of_each(of_one)
         return None if parts is None else together(parts)
