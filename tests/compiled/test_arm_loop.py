@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -28,9 +27,7 @@ STEPS = 40
 
 def plant_of(tree: Tree, **faults: object) -> ArmPlant:
     """A plant that is this arm."""
-    plant = ArmPlant("arm", ArmSettings(urdf="arm.urdf", faults=FaultSettings(**faults)))
-    plant.__dict__["arm"] = SimpleNamespace(tree=tree)
-    return plant
+    return ArmPlant("arm", ArmSettings(urdf="arm.urdf", faults=FaultSettings(**faults)), tree)
 
 
 def episode_of(tree: Tree, pushes: int = 4, steps: int = STEPS, **more: object) -> Episode:

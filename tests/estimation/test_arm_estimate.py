@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -37,11 +36,8 @@ STEPS = 100
 
 def plant_of(tree: Tree, noise: float = 0.0) -> ArmPlant:
     """A plant that is this arm; with noise it has no sensor of speeds."""
-    plant = ArmPlant(
-        "arm", ArmSettings(urdf="arm.urdf", faults=FaultSettings(angle_noise=noise, speed_sensor=not noise))
-    )
-    plant.__dict__["arm"] = SimpleNamespace(tree=tree)
-    return plant
+    faults = FaultSettings(angle_noise=noise, speed_sensor=not noise)
+    return ArmPlant("arm", ArmSettings(urdf="arm.urdf", faults=faults), tree)
 
 
 def nominal_of(tree: Tree, seed: int = 3) -> Tree:
