@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +15,6 @@ if TYPE_CHECKING:
     from metaid.excitation import Excitation, Noise
 
 FEW = 12  # parameters that a screen has
-COARSE = 0.1  # a gain that is known to no better is not known
 
 
 @click.command(epilog="\b\nExample:\n  metaid excite double-pendulum --seconds 20 -o motion.csv -o motion.yaml")
@@ -58,7 +55,7 @@ def excite(
         with whole_file(output, SUFFIXES) as partial:
             write_motion(found, partial, rate)
     if as_json:
-        print_json(_summary(found))
+        print_json(found.summary)
     else:
         _print(found, whole)
         for output in outputs:
@@ -86,7 +83,7 @@ def _print(found: Excitation, whole: bool) -> None:
             "yes" if each["determined"] else "NO",
             each["unit"],
         ]
-        for each in _parameters(found)
+        for each in found.parameters
     ]
     left = 0 if whole else max(len(rows) - FEW, 0)
     print_table(
@@ -102,6 +99,8 @@ def _print(found: Excitation, whole: bool) -> None:
 
 def _lines(found: Excitation) -> list[str]:
     """What it comes to, a sentence a line."""
+    from metaid.models import COARSEST
+
     told, count = found.forecast, int(found.forecast.determined.sum())
     lines = [
         f"{count} of {len(told.names)} parameters will be known to a tenth; "
@@ -116,7 +115,7 @@ def _lines(found: Excitation) -> list[str]:
     if found.payload is not None:
         mass, gains = found.payload
         shown = [
-            f"{name} {gain:.1%}" if gain < COARSE else f"{name} not"
+            f"{name} {gain:.1%}" if gain < COARSEST else f"{name} not"
             for name, gain in zip(found.joints, gains.tolist(), strict=True)
         ]
         lines.append(
@@ -130,45 +129,3 @@ def _lines(found: Excitation) -> list[str]:
 
 def _median(shares: Any) -> str:
     return f"{sorted(shares.tolist())[len(shares) // 2]:.2f}"
-
-
-def _parameters(found: Excitation) -> list[dict[str, Any]]:
-    """What is said of each parameter."""
-    told = found.forecast
-    columns: dict[str, Sequence[Any]] = {
-        "name": told.names,
-        "unit": told.units,
-        "nominal": told.nominal.tolist(),
-        "sd": told.deviations.tolist(),
-        "determined": told.determined.tolist(),
-        "second_motion": found.second.tolist(),
-        "same_again": found.again.tolist(),
-        "expression": told.expressions,
-    }
-    return [dict(zip(columns, each, strict=True)) for each in zip(*columns.values(), strict=True)]
-
-
-def _summary(found: Excitation) -> dict[str, Any]:
-    """What `--json` prints."""
-    told, limits = found.forecast, found.limits
-    of_limits = {key: getattr(limits, key).tolist() for key in ("low", "high", "speed", "acceleration", "torque")}
-    return {
-        "plant": found.plant,
-        "joints": list(found.joints),
-        "seconds": found.seconds,
-        "period": found.series.period,
-        "start": found.series.start.tolist(),
-        "criterion": found.criterion.value(found.series),
-        "limits": {
-            key: [value if math.isfinite(value) else None for value in values] for key, values in of_limits.items()
-        }
-        | {"floor": limits.floor},
-        "parameters": _parameters(found),
-        "unknown_joints": list(told.unknown),
-        "payload": None
-        if found.payload is None
-        else {
-            "mass": found.payload[0],
-            "gain_sd": [value if value < COARSE else None for value in found.payload[1].tolist()],
-        },
-    }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from metaid.excitation.forecast import LASTS, Forecast, Noise, forecast
 from metaid.excitation.limits import Limits, read_limits, usual_limits
 from metaid.excitation.search import Criterion, Problem, best_of_random, draws, improved
 from metaid.excitation.series import Series, Trajectory
-from metaid.models import Array
+from metaid.models import COARSEST, Array
 from metaid.models.tree import joint_torque
 from metaid.plant import ArmPlant, MujocoPlant, SimulatedPlant, load_plant
 from metaid.recorded import model_of
@@ -87,6 +87,46 @@ class Excitation:
         for kind, values in kinds.items():
             columns |= {f"{kind}_{name}": each for name, each in zip(self.joints, values.T, strict=True)}
         return pd.DataFrame(columns)
+
+    @property
+    def parameters(self) -> list[dict[str, Any]]:
+        """What a log will say of each parameter, as rows."""
+        told = self.forecast
+        columns: dict[str, Sequence[Any]] = {
+            "name": told.names,
+            "unit": told.units,
+            "nominal": told.nominal.tolist(),
+            "sd": told.deviations.tolist(),
+            "determined": told.determined.tolist(),
+            "second_motion": self.second.tolist(),
+            "same_again": self.again.tolist(),
+            "expression": told.expressions,
+        }
+        return [dict(zip(columns, each, strict=True)) for each in zip(*columns.values(), strict=True)]
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """All of it as `metaid excite --json` prints it; None of what has no limit, and of gains that are not known."""
+        limits = {key: getattr(self.limits, key) for key in ("low", "high", "speed", "acceleration", "torque")}
+        bounded = {
+            key: [each if np.isfinite(each) else None for each in values.tolist()] for key, values in limits.items()
+        }
+        payload = None
+        if self.payload is not None:
+            mass, gains = self.payload
+            payload = {"mass": mass, "gain_sd": [each if each < COARSEST else None for each in gains.tolist()]}
+        return {
+            "plant": self.plant,
+            "joints": list(self.joints),
+            "seconds": self.seconds,
+            "period": self.series.period,
+            "start": self.series.start.tolist(),
+            "criterion": self.criterion.value(self.series),
+            "limits": bounded | {"floor": self.limits.floor},
+            "parameters": self.parameters,
+            "unknown_joints": list(self.forecast.unknown),
+            "payload": payload,
+        }
 
     def nominal_torques(self, times: Array) -> Array:
         """What the nominal robot needs (nstep x njoint), in N m or N."""
