@@ -53,7 +53,7 @@ ABSENT = {
     "show": ("mujoco", "numba", "ray", *SLOW),
     "show.figures": ("mujoco", "numba", "ray", *SLOW),
     "api": ("mujoco", "numba", "ray", "matplotlib", *SLOW),
-    "cli": ("mujoco", "numba", "ray", "optuna", "pandas", "matplotlib", *SLOW),
+    "cli": ("numpy", "mujoco", "numba", "ray", "optuna", "pandas", "matplotlib", *SLOW),
 }
 # Packages that one process imports one after the other: a start takes most of a second. What one must not load is not
 # to be loaded by those before it either.
