@@ -21,7 +21,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from benchmarks.common import table
-from metaid.excitation import Excitation, Noise, best_of_random, excite, recorded
+from metaid.excitation import Excitation, LogNoise, best_of_random, excite, recorded
 from metaid.models import Array
 from metaid.plant import ArmPlant, load_plant
 from metaid.recorded import Choices, arm_model, chain_model, estimate_records
@@ -58,7 +58,7 @@ def row(robot: str) -> dict[str, Any]:
     begun = time.process_time()
     found = excite(robot)
     took = time.process_time() - begun
-    model, noise, errors, deviations = found.problem.model, Noise(), [], []
+    model, noise, errors, deviations = found.problem.model, LogNoise(), [], []
     with threadpool_limits(1):
         _, random = best_of_random(found.problem, found.criterion, SEED)
         for seed in range(TRUTHS):

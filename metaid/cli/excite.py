@@ -12,7 +12,7 @@ from metaid.cli.common import json_option, number_text, numbers, print_json, pri
 from metaid.errors import joints_of, unknown
 
 if TYPE_CHECKING:
-    from metaid.excitation import Excitation, Noise
+    from metaid.excitation import Excitation, LogNoise
 
 FEW = 12  # parameters that a screen has
 
@@ -62,8 +62,8 @@ def excite(
             say(f"{output}: {found.seconds:g} s; bring the robot to its first row, at rest, by another way")
 
 
-def _noise(given: tuple[str, ...]) -> Noise:
-    from metaid.excitation import Noise
+def _noise(given: tuple[str, ...]) -> LogNoise:
+    from metaid.excitation import LogNoise
 
     values = numbers(given, "--noise")
     for name, value in values.items():
@@ -71,7 +71,7 @@ def _noise(given: tuple[str, ...]) -> Noise:
             raise click.UsageError(f"--noise: {unknown('key', name, ['angle', 'torque'])}")
         if not 0.0 <= value <= 1.0:
             raise click.UsageError(f"--noise {name}: {value:g} (allowed: 0 to 1)")
-    return Noise(**values)
+    return LogNoise(**values)
 
 
 def _print(found: Excitation, whole: bool) -> None:

@@ -8,7 +8,7 @@ from metaid.compiled.decorator import compiled, fused, is_compiling
 from metaid.compiled.fastest import agrees_with_stepwise, fastest_loop
 from metaid.compiled.faulty_loop import FaultyLoop
 from metaid.compiled.kalman import (
-    Run,
+    Filtered,
     Spread,
     correct,
     keep_gain,

@@ -20,7 +20,7 @@ from metaid.models import Lumps
 from metaid.plant import MujocoPlant
 
 
-class ChainLaw(NamedTuple):
+class PlanarLaw(NamedTuple):
     """The laws of one candidate (see `batch.Laws`), the timestep of the control in s with the clauses of the fall rule,
     and the links that the law is worked out with.
     """
@@ -37,22 +37,22 @@ class FaultyLoop(SensedLoop):
         super().__init__(plant, episode, step)
         self.episode = with_deadband(episode, self.plant)
 
-    def sent(self, law: Lumps) -> ChainLaw:
+    def sent(self, law: Lumps) -> PlanarLaw:
         laws = laws_of(self.episode, self.plant.inner.gravity, law[None])
         rule = self.plant.timestep, *self.episode.fall_rule.clauses
-        return ChainLaw(laws, rule, np.zeros(self.plant.njoint, LINK))
+        return PlanarLaw(laws, rule, np.zeros(self.plant.njoint, LINK))
 
 
 @overload(command, inline="always")
 def _command_of(law, push, position, speed, torque):  # type: ignore[no-untyped-def]
-    if class_of(law) is ChainLaw:
+    if class_of(law) is PlanarLaw:
         return lambda law, push, position, speed, torque: _command(law, push, position, speed, torque)
     return None
 
 
 @overload(follow, inline="always")
 def _follow_of(law, push, step, positions, speeds):  # type: ignore[no-untyped-def]
-    if class_of(law) is ChainLaw:
+    if class_of(law) is PlanarLaw:
         return lambda law, push, step, positions, speeds: _falls(law, step, positions, speeds)
     return None
 

@@ -45,7 +45,7 @@ def spread_of(njoint: int, cases: int = 1) -> Spread:
     return Spread(*(np.zeros(shape) for shape in shapes))
 
 
-class Run(NamedTuple):
+class Filtered(NamedTuple):
     """What a filter has of pushes, at each reading of each: gains (npush x nstep + 1 x 2n x n); weights L⁻¹, L Lᵀ being
     the covariance of an innovation (npush x nstep + 1 x n x n); the state after it (npush x nstep + 1 x 2n); and what
     it `missed`, the innovation (npush x nstep + 1 x n). Of each push the squares of its whitened innovations and the
@@ -64,7 +64,7 @@ class Run(NamedTuple):
     rubbed: Array
 
 
-def run_of(npush: int, nreading: int, n: int, is_kept: bool) -> Run:
+def run_of(npush: int, nreading: int, n: int, is_kept: bool) -> Filtered:
     """Room for a run.
 
     Args:
@@ -76,7 +76,7 @@ def run_of(npush: int, nreading: int, n: int, is_kept: bool) -> Run:
     seen, nstep = (npush, nreading), (nreading - 1) * is_kept
     shapes = (*seen, 2 * n, n), (*seen, n, n), (*seen, 2 * n), (*seen, n), (npush, 2)
     kept = (npush, nstep, 2 * n, 2 * n), (npush, nstep, 2 * n, n), (npush, nstep, n)
-    return Run(*map(np.zeros, (*shapes, *kept)))
+    return Filtered(*map(np.zeros, (*shapes, *kept)))
 
 
 @compiled
@@ -198,7 +198,7 @@ def keep_gain(reading, spread, run):  # type: ignore[no-untyped-def]
 
 
 def likelihood_about(
-    run: Run, begins: Array, noise: tuple[Array, Array], steps: NDArray[np.int64], pushes: NDArray[np.intp]
+    run: Filtered, begins: Array, noise: tuple[Array, Array], steps: NDArray[np.int64], pushes: NDArray[np.intp]
 ) -> Array:
     """The logarithm of the likelihood of `pushes` in each case (ncase), but for a constant, by a filter for `noise` of
     other sizes than that of a `run` whose steps are kept: to first order in how far its states are from those of the

@@ -16,7 +16,7 @@ from metaid.episode import (
     GoesOn,
     Outcome,
     Record,
-    Trajectory,
+    States,
     crossing_hz,
     failure,
     fall_value,
@@ -69,7 +69,7 @@ class Objective:
         """
         return self._loop.run(self.nominal.law_of(candidate), number, goes_on)
 
-    def watch(self, candidate: Array, number: int = 0) -> tuple[Record, Trajectory]:
+    def watch(self, candidate: Array, number: int = 0) -> tuple[Record, States]:
         """The same, and the motion after the last push, step by step in Python."""
         with quiet_mujoco():
             return run_stepwise(self._loop.plant, self.nominal.law_of(candidate), self._loop.episode, number)

@@ -13,7 +13,7 @@ from metaid.compiled.decorator import compiled
 from metaid.compiled.loop import start_states
 from metaid.compiled.quiet import quiet_mujoco
 from metaid.compiled.stages import Step, fastest_step, forget, step_plant
-from metaid.episode import Episode, GoesOn, Record, WholeEpisodes, noise_of, record_of
+from metaid.episode import Episode, GoesOn, Record, States, WholeEpisodes, noise_of, record_of
 from metaid.models import Array
 from metaid.plant import ArmPlant, FaultyPlant, MujocoPlant, slope_weights
 
@@ -90,7 +90,7 @@ class SensedLoop(WholeEpisodes):
                 (ran, fell, angles, speeds),
             )
         begun = ran[ran > 0].tolist()
-        motions = [(angles[push, : steps + 1], speeds[push, : steps + 1]) for push, steps in enumerate(begun)]
+        motions = [States(angles[push, : steps + 1], speeds[push, : steps + 1]) for push, steps in enumerate(begun)]
         with np.errstate(over="ignore", invalid="ignore"):  # where nothing falls a push may run away as far as it likes
             record = record_of(motions, [None] * len(begun), self.plant, episode, fell, self._squares)
         return record.stopped_early(goes_on)

@@ -21,7 +21,7 @@ from metaid.episode.outcome import FALL_VALUE, Outcome, failure
 from metaid.episode.plausible import Calibration, KnownStarts
 from metaid.episode.pushes import REACH, natural_time, pushed_speeds, pushes_for, rich_pushes, rich_speeds, tip_push
 from metaid.episode.readings import SensorReadings, readings_before_fall
-from metaid.episode.record import GoesOn, Record, Trajectory, energies, same_record
+from metaid.episode.record import GoesOn, Record, States, energies, same_record
 from metaid.episode.smoothing import NoiseFloor, noise_floor
 from metaid.episode.stepwise import StepwiseLoop, WholeEpisodes, noise_of, record_of, run_stepwise, with_deadband
 from metaid.episode.windows import (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,12 @@ from metaid.models import Array
 
 ALIKE = 1e-9  # relative: how far two loops may differ that take the same steps
 
-Motion = tuple[Array, Array]  # joint angles and speeds (nsteps + 1 x njoint) after a push
+
+class States(NamedTuple):
+    """Joint `angles` in rad and `speeds` in rad/s after a push (nsteps + 1 x njoint each), from right after it on."""
+
+    angles: Array
+    speeds: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +30,7 @@ class Seen:
     the same of what q̇ gained beyond the law, M̄ being the nominal mass matrix: `squares` (2 x npush).
     """
 
-    motions: Sequence[Motion]
+    motions: Sequence[States]
     fell: NDArray[np.bool_]
     timestep: float
     squares: Array | None = None
@@ -120,16 +125,6 @@ class Record:
 
 
 GoesOn = Callable[[Record], bool]  # whether an episode goes on after a push, given what it has shown so far
-
-
-@dataclass(frozen=True)
-class Trajectory:
-    """Joint `angles` in rad and `speeds` in rad/s of the last push, (nsteps + 1 x njoint), the state right after the
-    push first.
-    """
-
-    angles: Array
-    speeds: Array
 
 
 def crossings(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from metaid.episode.episode import Episode
 from metaid.episode.plausible import PushCheck, StartCheck
 from metaid.episode.readings import readings_before_fall, told_times
-from metaid.episode.record import GoesOn, Motion, Record, Seen, Trajectory
+from metaid.episode.record import GoesOn, Record, Seen, States
 from metaid.errors import AbsentPlant, ImplausiblePlant, LostPlant
 from metaid.models import Array
 from metaid.plant import FaultyPlant, Noise, SocketPlant, draw, stream
@@ -115,7 +115,7 @@ def run_stepwise(
     number: int = 0,
     earlier: dict[bytes, Array] | None = None,
     goes_on: GoesOn | None = None,
-) -> tuple[Record, Trajectory]:
+) -> tuple[Record, States]:
     """One episode on any plant, step by step: the reference for the compiled loops, and what a rig uses.
 
     On a FaultyPlant what is returned is what its sensors read.
@@ -134,7 +134,7 @@ def run_stepwise(
     """
     if isinstance(plant, FaultyPlant):
         plant.begin(noise_of(plant, episode, number))
-    motions: list[Motion] = []
+    motions: list[States] = []
     times: list[Array | None] = []
     fell = np.zeros(episode.npush, dtype=np.bool_)
     torques = episode.kind.torques(law, plant, episode)
@@ -143,19 +143,19 @@ def run_stepwise(
         if episode.calibration is not None:
             check = episode.calibration.check(plant, push, {} if earlier is None else earlier)
         angles, speeds, fell[push] = _watch_push(plant, partial(torques, push), episode, push, check)
-        motions.append((angles, speeds))
+        motions.append(States(angles, speeds))
         times.append(plant.times if isinstance(plant, SocketPlant) else None)
         if fell[push] and episode.kind.ends_at_fall:
             break
         if goes_on is not None and push + 1 < episode.npush and not fell.any():
             so_far = record_of(motions, times, plant, episode, fell).first(push + 1)
             if not goes_on(so_far):
-                return so_far, Trajectory(angles, speeds)
-    return record_of(motions, times, plant, episode, fell), Trajectory(angles, speeds)
+                return so_far, motions[-1]
+    return record_of(motions, times, plant, episode, fell), motions[-1]
 
 
 def record_of(
-    motions: Sequence[Motion],
+    motions: Sequence[States],
     times: Sequence[Array | None],
     plant: Any,
     episode: Episode,

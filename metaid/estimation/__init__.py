@@ -14,7 +14,7 @@ when one is made.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from metaid.estimation.approximation import Approximation, HeldOut, Prediction
+from metaid.estimation.approximation import Approximation, HeldOutPushes, Prediction
 from metaid.estimation.base_unknowns import ArmEstimate, BaseUnknowns
 from metaid.estimation.descent import FARTHEST, Residuals, descend, place_at
 from metaid.estimation.estimate import Found

@@ -46,7 +46,7 @@ class Prediction:
 
 
 @dataclass(frozen=True)
-class HeldOut:
+class HeldOutPushes:
     """What the pushes that are left out say of the fits to the others.
 
     Attributes:
@@ -106,7 +106,7 @@ class Approximation:
         is_possible: whether a plant can have what was found.
     """
 
-    held_out: HeldOut
+    held_out: HeldOutPushes
     widening: float
     residuals: Sequence[Array]
     joints: Sequence[str]

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from metaid.episode import Outcome
-from metaid.estimation.approximation import HeldOut, Prediction
+from metaid.estimation.approximation import HeldOutPushes, Prediction
 from metaid.estimation.estimate import Found
 from metaid.estimation.faults import NO_FAULTS, Proposal, SearchedFaults, TakenUp, Unmodelled
 from metaid.estimation.fit import fit
@@ -252,7 +252,7 @@ class Experiment:
             return None
         return predicted(self._readings(trials), estimate)
 
-    def held_out(self, trials: Sequence[Any], estimate: Found) -> HeldOut | None:
+    def held_out(self, trials: Sequence[Any], estimate: Found) -> HeldOutPushes | None:
         """How well fits to some of the pushes of the `trials` predict the others, from an `estimate` on. None without
         noise, where a model that leaves more than rounding is wrong, and where there are too few pushes.
         """

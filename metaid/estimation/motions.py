@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from metaid.estimation.descent import NOTHING, Residuals
 from metaid.estimation.faults import NO_FAULTS, SearchedFaults
 from metaid.estimation.trials import Replay, WatchedTrial
-from metaid.estimation.twin import Motion, twin_of
+from metaid.estimation.twin import Shown, twin_of
 from metaid.estimation.unknowns import Unknowns
 from metaid.models import Array
 
@@ -145,12 +145,12 @@ class Motions(WatchedTrials):
                 largest = max(largest, float(frequency(shown.speed_energy, shown.acceleration_energy)[seen].max()))
         return largest
 
-    def _of_speeds(self, trial: WatchedTrial, motion: Motion, seen: NDArray[np.bool_]) -> tuple[Array, Array]:
+    def _of_speeds(self, trial: WatchedTrial, motion: Shown, seen: NDArray[np.bool_]) -> tuple[Array, Array]:
         unit = 1.0 / (self.unknowns.rounding * float(np.abs(trial.start_speeds).max()))
         values = motion.speeds[seen] - trial.windows.speeds[:, : seen.shape[1]][seen]
         return unit * values.ravel(), unit * motion.speed_slopes[seen].reshape(values.size, -1)
 
-    def _of_frequencies(self, trial: WatchedTrial, motion: Motion, seen: NDArray[np.bool_]) -> tuple[Array, Array]:
+    def _of_frequencies(self, trial: WatchedTrial, motion: Shown, seen: NDArray[np.bool_]) -> tuple[Array, Array]:
         windows, shown = seen.shape[1], trial.windows
         plants = frequency(shown.speed_energy[:, :windows][seen], shown.acceleration_energy[:, :windows][seen])
         speed_energy, acceleration_energy = motion.speed_energy[seen], motion.acceleration_energy[seen]

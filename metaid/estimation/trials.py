@@ -199,7 +199,7 @@ class Coefficients(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Gains:
+class FilterGains:
     """How a filter leads the twin through the pushes of one trial.
 
     Attributes:

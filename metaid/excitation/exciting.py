@@ -12,9 +12,9 @@ import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from metaid.errors import PlantError
-from metaid.excitation.forecast import LASTS, Forecast, Noise, forecast
+from metaid.excitation.forecast import LASTS, LogForecast, LogNoise, forecast
 from metaid.excitation.limits import Limits, read_limits, usual_limits
-from metaid.excitation.search import Criterion, Problem, best_of_random, draws, improved
+from metaid.excitation.search import Criterion, MotionSearch, best_of_random, draws, improved
 from metaid.excitation.series import Series, Trajectory
 from metaid.models import COARSEST, Array
 from metaid.models.tree import joint_torque
@@ -53,9 +53,9 @@ class Excitation:
     joints: tuple[str, ...]
     series: Series
     seconds: float
-    problem: Problem
+    problem: MotionSearch
     criterion: Criterion
-    forecast: Forecast
+    forecast: LogForecast
     second: Array
     again: Array
     payload: tuple[float, Array] | None
@@ -138,7 +138,7 @@ def excite(
     *,
     seconds: float = 30.0,
     limits: str | Path | None = None,
-    noise: Noise | None = None,
+    noise: LogNoise | None = None,
     seed: int = 1,
 ) -> Excitation:
     """The motion to record of a robot, and what a log of it will say: `write_motion` writes it.
@@ -161,7 +161,7 @@ def excite(
     """
     if not SHORTEST <= seconds <= LONGEST:
         raise PlantError(f"a motion of {seconds:g} s (allowed: {SHORTEST:g} to {LONGEST:g} s)")
-    noise = noise or Noise()
+    noise = noise or LogNoise()
     plant = load_plant(nominal)
     own = usual_limits(plant) if limits is None else read_limits(Path(limits), plant)
     problem = problem_of(plant, own, seconds / max(round(seconds / PERIOD), 1))
@@ -188,18 +188,18 @@ def excite(
         )
 
 
-def problem_of(plant: ArmPlant | MujocoPlant, limits: Limits, period: float) -> Problem:
+def problem_of(plant: ArmPlant | MujocoPlant, limits: Limits, period: float) -> MotionSearch:
     """What is searched of a robot."""
     model, tree = model_of(plant), plant.tree
     nominal = np.concatenate([model.nominal, tree.damping, tree.coulomb])
     if isinstance(plant, MujocoPlant):
-        return Problem(model, nominal, limits, period, None)
+        return MotionSearch(model, nominal, limits, period, None)
     from metaid.excitation.contacts import Contacts  # loads MuJoCo
 
-    return Problem(model, nominal, limits, period, Contacts(plant, limits.floor))
+    return MotionSearch(model, nominal, limits, period, Contacts(plant, limits.floor))
 
 
-def criterion_of(problem: Problem, seconds: float, noise: Noise, seed: int) -> Criterion:
+def criterion_of(problem: MotionSearch, seconds: float, noise: LogNoise, seed: int) -> Criterion:
     """What is best: torques have noise as a share of what random motions need.
 
     Args:

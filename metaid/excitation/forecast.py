@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.excitation.search import Problem
+from metaid.excitation.search import MotionSearch
 from metaid.excitation.series import Series
 from metaid.models import COARSEST, Array
 from metaid.recorded import Choices, Record, equations_like, estimate_records
@@ -23,7 +23,7 @@ Torques = Callable[[Array, Array, Array], Array]  # of angles, speeds and accele
 
 
 @dataclass(frozen=True)
-class Noise:
+class LogNoise:
     """Of a log: of an `angle` reading, a standard deviation in rad or m; of `torque`, as a share of each joint's root
     mean square, what no model explains, which lasts for LASTS; `period` between readings, in s.
     """
@@ -34,7 +34,7 @@ class Noise:
 
 
 @dataclass(frozen=True)
-class Forecast:
+class LogForecast:
     """What a log of a motion will say, were the nominal robot the truth.
 
     Attributes:
@@ -57,7 +57,7 @@ class Forecast:
     unknown: tuple[str, ...]
 
 
-def recorded(torques: Torques, series: Series, seconds: float, noise: Noise, seeds: Sequence[int]) -> list[Record]:
+def recorded(torques: Torques, series: Series, seconds: float, noise: LogNoise, seeds: Sequence[int]) -> list[Record]:
     """Logs of a robot that follows a series exactly, again and again.
 
     Args:
@@ -83,7 +83,7 @@ def recorded(torques: Torques, series: Series, seconds: float, noise: Noise, see
     ]
 
 
-def forecast(problem: Problem, series: Series, seconds: float, noise: Noise) -> Forecast:
+def forecast(problem: MotionSearch, series: Series, seconds: float, noise: LogNoise) -> LogForecast:
     """What a log of a motion will say.
 
     Args:
@@ -113,7 +113,7 @@ def forecast(problem: Problem, series: Series, seconds: float, noise: Noise) -> 
     whole = np.abs(nominal)
     if not model.is_chain:
         whole[: model.nbody] = np.maximum(whole[: model.nbody], np.sqrt(np.diag(model.covariance)))
-    return Forecast(
+    return LogForecast(
         model.names,
         model.units,
         model.expressions,
@@ -124,7 +124,7 @@ def forecast(problem: Problem, series: Series, seconds: float, noise: Noise) -> 
     )
 
 
-def _unknown(problem: Problem, series: Series, covariance: Array) -> tuple[str, ...]:
+def _unknown(problem: MotionSearch, series: Series, covariance: Array) -> tuple[str, ...]:
     """The joints whose torque is predicted to no better than a tenth along the motion."""
     rows = problem.model.regressor(*series.at(np.linspace(0.0, series.period, 200)))
     variance = np.einsum("tjp,pq,tjq->tj", rows, covariance, rows, optimize=True).mean(axis=0)

@@ -83,7 +83,7 @@ def regressor_along(model: LinearModel, series: Series, count: int) -> Array:
 
 
 @dataclass(frozen=True)
-class Problem:
+class MotionSearch:
     """What is searched.
 
     Attributes:
@@ -165,7 +165,7 @@ class Problem:
         )
 
 
-def draws(problem: Problem, seed: int | list[int], count: int) -> Iterator[tuple[Shape, Series, Array]]:
+def draws(problem: MotionSearch, seed: int | list[int], count: int) -> Iterator[tuple[Shape, Series, Array]]:
     """Those of so many random series that motors can follow, with the regressor along each."""
     random, n = np.random.default_rng(seed), problem.model.njoint
     size = 1.0 / np.arange(1, HARMONICS + 1)
@@ -178,7 +178,7 @@ def draws(problem: Problem, seed: int | list[int], count: int) -> Iterator[tuple
 
 
 def best_of_random(
-    problem: Problem, criterion: Criterion, seed: int, count: int = DRAWN, before: Array | float = 0.0
+    problem: MotionSearch, criterion: Criterion, seed: int, count: int = DRAWN, before: Array | float = 0.0
 ) -> tuple[Shape, Series]:
     """The best of so many random series.
 
@@ -207,7 +207,7 @@ def best_of_random(
 
 
 def improved(
-    problem: Problem,
+    problem: MotionSearch,
     criterion: Criterion,
     begun: tuple[Shape, Series],
     seed: int,

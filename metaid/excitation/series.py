@@ -4,21 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from metaid.models import Array
-
-
-class Trajectory(NamedTuple):
-    """Joint `angles` in rad, `speeds` in rad/s and `accelerations` in rad/s² over time, each (nstep x njoint); of
-    slides in m.
-    """
-
-    angles: Array
-    speeds: Array
-    accelerations: Array
+from metaid.models import Array, Trajectory
 
 
 @dataclass(frozen=True)

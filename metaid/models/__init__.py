@@ -24,7 +24,7 @@ from metaid.models.lumps import (
     lump_names,
     lump_unit,
 )
-from metaid.models.model import ChainModel
+from metaid.models.model import ChainModel, Trajectory
 from metaid.models.nearest_bodies import Nearest
 from metaid.models.possible import (
     least_inertia,

@@ -3,11 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from metaid.models.law import compensation_basis, compensation_torque, mass_matrix, running_sum
 from metaid.models.lumps import Array, Lumps
+
+
+class Trajectory(NamedTuple):
+    """Joint `angles` in rad, `speeds` in rad/s and `accelerations` in rad/s² over time, each (nstep x njoint); of
+    slides in m.
+    """
+
+    angles: Array
+    speeds: Array
+    accelerations: Array
 
 
 @dataclass(frozen=True)

@@ -6,12 +6,11 @@ parameters alone.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 
-from metaid.models import Array
+from metaid.models import Array, Trajectory
 from metaid.plant import SimulatedPlant
 
 AMPLITUDE = 0.5  # rad, of the mean joint's sinusoid
@@ -20,16 +19,7 @@ BANDWIDTH = 3.0  # of the feedback, in rad per natural time
 LOST = np.pi  # rad or m off the trajectory: out of control
 
 
-@dataclass(frozen=True)
-class Motion:
-    """Joint `angles` in rad or m, their `speeds` and `accelerations` over time, each (nsteps x njoint)."""
-
-    angles: Array
-    speeds: Array
-    accelerations: Array
-
-
-class Dynamics(Protocol):
+class Controlled(Protocol):
     """What moves a plant, at one state."""
 
     def inverse_dynamics(self, angles: Array, speeds: Array, accelerations: Array, /) -> Array:
@@ -45,7 +35,7 @@ def smooth_sinusoids(
     timestep: float,
     amplitude: float | Array = AMPLITUDE,
     periods: tuple[float, float] = PERIODS,
-) -> Motion:
+) -> Trajectory:
     """A joint trajectory from rest upright, two of the slowest periods long.
 
     Joints swing to alternate sides, so that the chain stays near the upright.
@@ -63,11 +53,11 @@ def smooth_sinusoids(
     rate = 2.0 * np.pi / (natural_time * random.uniform(fastest, slowest, njoint))
     half = amplitude / 2.0 * random.uniform(0.7, 1.3, njoint) * (-1.0) ** np.arange(njoint)
     angles, speeds = half * (1.0 - np.cos(rate * times)), half * rate * np.sin(rate * times)
-    return Motion(angles, speeds, half * rate**2 * np.cos(rate * times))
+    return Trajectory(angles, speeds, half * rate**2 * np.cos(rate * times))
 
 
 def track(
-    plant: SimulatedPlant, start: Any, model: Dynamics, feedback: Dynamics, desired: Motion, bandwidth: float
+    plant: SimulatedPlant, start: Any, model: Controlled, feedback: Controlled, desired: Trajectory, bandwidth: float
 ) -> Array:
     """Drives a plant along `desired` with computed torque.
 

@@ -135,7 +135,7 @@ class ArmCourse:
         widest = np.where(tree.slides, SLIDE * AMPLITUDE, AMPLITUDE)
         amplitude, periods = np.minimum(widest, ROOM * half), (SHORTEST, LONGEST)
         swing = smooth_sinusoids(tree.njoint, 1.0, plant.timestep, amplitude=amplitude, periods=periods)
-        desired = replace(swing, angles=middle + swing.angles)
+        desired = swing._replace(angles=middle + swing.angles)
         model, feedback = (QuickArm(tree, np.array(each, order="C")) for each in (law, self.feedback))
         start = ArmStart(desired.angles[0], np.zeros(tree.njoint))
         seen = track(plant, start, model, feedback, desired, ARM_BANDWIDTH)

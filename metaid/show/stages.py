@@ -28,7 +28,7 @@ RUNAWAY = 20.0  # times that fast: a film shows a fall for longer than an episod
 
 
 @dataclass(frozen=True)
-class Motion:
+class Clip:
     """What a panel of a film shows: joint `angles` (nframe x njoint), in rad, under a `caption`."""
 
     caption: str
@@ -47,7 +47,7 @@ class ChainStage:
         assert isinstance(self.objective.plant, MujocoPlant)
         return self.objective.plant
 
-    def motion(self, law: Lumps, caption: str, rate: int) -> Motion:
+    def motion(self, law: Lumps, caption: str, rate: int) -> Clip:
         """What a panel shows under the `law` of a candidate, with `rate` frames a second: the very episode, faults and
         noise included, whose numbers the objective gives. Of a plant with sensors that err it is what they read.
         """
@@ -55,7 +55,7 @@ class ChainStage:
         record, trajectory = candidate.watch(np.ones(len(law.vector)))
         last = min(len(trajectory.angles), FILM_SECONDS / record.timestep)
         steps = np.arange(0.0, last, 1.0 / (rate * record.timestep)).astype(int)
-        return Motion(f"{caption}: falls" if record.fall_step is not None else caption, trajectory.angles[steps])
+        return Clip(f"{caption}: falls" if record.fall_step is not None else caption, trajectory.angles[steps])
 
     @property
     def model(self) -> MjModel:
@@ -80,7 +80,7 @@ class ArmStage:
     plant: ArmPlant
     nominal: Tree
 
-    def motion(self, law: Array, caption: str, rate: int) -> Motion:
+    def motion(self, law: Array, caption: str, rate: int) -> Clip:
         """From home, every joint moving slowly towards the middle of its range."""
         plant, start = self.plant, slow_start(self.plant)
         steps = max(round(ARM_SECONDS / plant.timestep), 1)
@@ -91,7 +91,7 @@ class ArmStage:
         assert record.windows is not None, "it has window ends"
         seen = record.windows.angles[0, : record.windows.seen[0]]
         angles = np.concatenate([start.pose[None], seen])
-        return Motion(f"{caption}: falls" if record.fell[0] else caption, angles)
+        return Clip(f"{caption}: falls" if record.fell[0] else caption, angles)
 
     @cached_property
     def model(self) -> MjModel:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from metaid.errors import RenderError, optional_packages
 from metaid.models import Array
 from metaid.show.rendering import Camera, write_job
-from metaid.show.stages import Motion, Stage
+from metaid.show.stages import Clip, Stage
 
 with optional_packages("video"):
     import imageio_ffmpeg
@@ -49,7 +49,7 @@ def film(stage: Stage, candidates: Mapping[str, Any], path: Path) -> None:
     (_write_gif if path.suffix == ".gif" else _write_mp4)(frames, path, rate)
 
 
-def together(motions: Sequence[Motion]) -> Array:
+def together(motions: Sequence[Clip]) -> Array:
     """The joint angles of all panels (npanel x nframe x njoint): one that fell stands still while the others go on."""
     length = max(len(motion.angles) for motion in motions)
     return np.array([np.pad(motion.angles, ((0, length - len(motion.angles)), (0, 0)), "edge") for motion in motions])

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from metaid.estimation import Approximation, HeldOut
+from metaid.estimation import Approximation, HeldOutPushes
 from metaid.models import Array
 
 
@@ -16,7 +16,7 @@ def approximation(fits: Array, torques: Array | None) -> Approximation:
     """Of two numbers, by `fits` (3 x 2) to parts of the pushes that predict the others ten times as well as the nominal
     model does.
     """
-    held_out = HeldOut(misfit=2.0, nominal=20.0, unknowns=fits)
+    held_out = HeldOutPushes(misfit=2.0, nominal=20.0, unknowns=fits)
     own, none, coarsest = np.full(2, 1e-3), np.zeros(2), np.full(2, 0.1)
     return Approximation(held_out, 2.0, [np.ones((3, 1))], ("joint",), own, none, coarsest, torques, is_possible=True)
 
@@ -42,7 +42,7 @@ def test_chain_is_approximate_where_parts_agree_on_its_numbers() -> None:
 
 def test_what_the_nominal_model_cannot_follow_is_none_in_json_and_said_in_words() -> None:
     """Neither its misfit nor how much less likely it is has a number."""
-    held_out = HeldOut(2.0, np.inf, APART, np.array([3.0, np.inf, 4.0]))
+    held_out = HeldOutPushes(2.0, np.inf, APART, np.array([3.0, np.inf, 4.0]))
     found = replace(approximation(APART, None), held_out=held_out)
     shown = json.loads(json.dumps(found.summary(), allow_nan=False))["held_out"]
     assert shown == {"misfit": 2.0, "nominal_misfit": None, "parts": 3, "log_likelihood_ratio": None}
@@ -52,6 +52,6 @@ def test_what_the_nominal_model_cannot_follow_is_none_in_json_and_said_in_words(
 
 def test_fit_that_cannot_follow_is_no_better_for_a_nominal_model_that_cannot_either() -> None:
     """Nothing is said of how likely it is."""
-    held_out = HeldOut(np.inf, np.inf, APART, np.array([np.inf, -np.inf, 4.0]))
+    held_out = HeldOutPushes(np.inf, np.inf, APART, np.array([np.inf, -np.inf, 4.0]))
     assert not replace(held_out, misfit=2.0, nominal=2.0).is_better
     assert "likely" not in replace(approximation(APART, None), held_out=held_out).predicted

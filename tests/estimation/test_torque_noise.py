@@ -10,7 +10,7 @@ from watched import GRAVITY, NOISE, raised, watched
 
 from metaid.estimation import ChainLaws, Experiment, LogUnknowns, Loop, Readings, ReadTrial, upright
 from metaid.estimation.noisy import Innovations, fit_with_torque_noise, unmodelled_forces
-from metaid.estimation.trials import Gains, Joints
+from metaid.estimation.trials import FilterGains, Joints
 from metaid.estimation.twin import PlanarTwin
 from metaid.models import Lumps
 from metaid.plant import FaultSettings
@@ -133,7 +133,7 @@ def test_what_the_filter_finds_of_a_push_depends_on_no_other() -> None:
         none, np.full(2, 0.05 * TORQUE_NOISE), none, none, np.zeros(1), none, np.array([1e-3]), np.zeros((3, 2))
     )
 
-    def led(*pushes: int) -> Gains:
+    def led(*pushes: int) -> FilterGains:
         starts = upright(trial.start_speeds)
         begins = np.tile(1e-2 * np.eye(4), (len(starts), 1, 1))
         return twin.lead(trial, starts, begins, np.array(pushes), joints).gains(np.full(2, TORQUE_NOISE))

@@ -14,7 +14,7 @@ from watched import GRAVITY, raised, watched
 
 from metaid.compiled import share_out, sharing
 from metaid.estimation import LogUnknowns
-from metaid.estimation.twin import Motion, PlanarTwin
+from metaid.estimation.twin import PlanarTwin, Shown
 from metaid.models import Array
 
 ALL = ("gravity", "coriolis", "damping", "coulomb", "inertia")
@@ -51,7 +51,7 @@ def test_derivatives_are_those_of_finite_differences(nlink: int, exact_lengths: 
     unknowns = LogUnknowns(nominal, GRAVITY, ALL if dry else SMOOTH, seen.nominal.length if exact_lengths else None)
     point = 0.02 * np.random.default_rng(1).standard_normal(len(unknowns.names))
 
-    def motion(at: Array) -> Motion:
+    def motion(at: Array) -> Shown:
         return PlanarTwin(unknowns, at).watch(trial, len(trial.ends), energies=True)
 
     here = motion(point)

@@ -14,7 +14,7 @@ import pytest
 from conftest import Finished, wrong_chain
 
 from metaid.errors import PlantError
-from metaid.excitation import Excitation, Noise, best_of_random, excite, problem_of, recorded, write_motion
+from metaid.excitation import Excitation, LogNoise, best_of_random, excite, problem_of, recorded, write_motion
 from metaid.models import Array
 from metaid.plant import load_chain, load_plant
 from metaid.recorded import Choices, equations_like, estimate_records
@@ -105,7 +105,7 @@ def test_determinant_is_no_less_than_that_of_500_random_series(
 
 def test_promised_deviations_hold_for_robots_that_are_30_percent_off(pendulum: Excitation) -> None:
     """Of logs of ten wrong chains the errors are what was promised, within a factor of 1.5, and intervals cover."""
-    model, chain, noise = pendulum.problem.model, load_chain("two-link").chain, Noise()
+    model, chain, noise = pendulum.problem.model, load_chain("two-link").chain, LogNoise()
     errors, covered = [], []
     found = None
     for seed in range(10):
@@ -144,7 +144,7 @@ def test_of_windows_that_predict_alike_the_finest_are_taken(arm: tuple[Excitatio
     rows = model.regressor(*(random.uniform(-most, most, (500, 3)) for most in (1.5, 2.0, 8.0)))
     spans = []
     for seed in range(4):
-        (log,) = recorded(torques, found.series, found.seconds, Noise(), [seed])
+        (log,) = recorded(torques, found.series, found.seconds, LogNoise(), [seed])
         told = estimate_records([log], model, Choices(friction=FRICTION, zeros=False, delay=0.0))
         spans.append(told.equations.span)
         assert np.linalg.norm(rows @ (told.values - nominal)) < 0.008 * np.linalg.norm(rows @ nominal)

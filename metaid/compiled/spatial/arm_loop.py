@@ -19,7 +19,7 @@ from metaid.models import Array
 from metaid.plant import ArmPlant
 
 
-class ArmLaw(NamedTuple):
+class SpatialLaw(NamedTuple):
     """The parameters (njoint x 13) of a law; joint coordinates and speeds at the starts (npush x 2 x njoint) and the
     stiffness of each push (npush). The joint accelerations that it asks for (njoint), and what it is worked out in.
     """
@@ -38,7 +38,7 @@ class ArmWatch(NamedTuple):
     gained in a step beyond the law (njoint).
     """
 
-    law: ArmLaw
+    law: SpatialLaw
     nominal: Array
     timestep: float
     bounds: tuple[Array, Array, Array]
@@ -46,10 +46,10 @@ class ArmWatch(NamedTuple):
     jump: Array
 
 
-def arm_law(frames: Frames, parameters: Array, episode: Episode) -> ArmLaw:
+def arm_law(frames: Frames, parameters: Array, episode: Episode) -> SpatialLaw:
     """A law of these `parameters` (njoint x 13) in an `episode` of an arm, whose joints are as the `frames` say."""
     n, pushed = len(parameters), (episode.states, episode.springs)
-    return ArmLaw(frames, np.array(parameters, order="C"), *pushed, np.zeros(n), new_space(n))
+    return SpatialLaw(frames, np.array(parameters, order="C"), *pushed, np.zeros(n), new_space(n))
 
 
 class ArmLoop(SensedLoop):

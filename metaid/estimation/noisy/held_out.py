@@ -12,7 +12,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.estimation.approximation import HeldOut, Prediction
+from metaid.estimation.approximation import HeldOutPushes, Prediction
 from metaid.estimation.descent import place_at
 from metaid.estimation.estimate import Found
 from metaid.estimation.fit import fit, settled
@@ -29,7 +29,7 @@ ROUNDS = 4  # Gauss-Newton steps of what concerns a push alone
 Compared = TypeVar("Compared", bound=Readings)
 
 
-def hold_out(readings: Readings, estimate: Found) -> HeldOut | None:
+def hold_out(readings: Readings, estimate: Found) -> HeldOutPushes | None:
     """What pushes that are left out say of an `estimate` of the `readings`; None where there are too few, or no fit to
     the others. Where noise of the torques stands for what the model has not, they are predicted by a twin without; and
     where it explains what the estimate leaves, likelihoods judge, too.
@@ -61,7 +61,7 @@ def hold_out(readings: Readings, estimate: Found) -> HeldOut | None:
             likelier[part] = _likelier(only_pushes(compared, is_out), unknowns, noise)
     own, seen, nominal = squares.sum(axis=1)
     misfits = float(np.sqrt(own / seen)), float(np.sqrt(nominal / seen))
-    return HeldOut(*misfits, np.array(fits), None if noise is None else likelier)
+    return HeldOutPushes(*misfits, np.array(fits), None if noise is None else likelier)
 
 
 def _likelier(left: Innovations, unknowns: Array, noise: Array) -> float:

@@ -32,8 +32,8 @@ from metaid.estimation.noisy.polynomials import (
 from metaid.estimation.trials import (
     NOTHING_FURTHER,
     Coefficients,
+    FilterGains,
     Further,
-    Gains,
     Joints,
     ReadTrial,
     Replay,
@@ -303,7 +303,7 @@ class Readings:
         chosen = np.minimum((ends[None] <= steps[:, None]).sum(axis=1), windows) - 1
         return chosen, np.where(chosen >= 0, ends[chosen], 0)
 
-    def _gains(self, number: int) -> Gains | None:
+    def _gains(self, number: int) -> FilterGains | None:
         """Of the filter that leads the twin through a trial; None where nothing does."""
         return None
 

@@ -6,7 +6,7 @@
 
 from metaid.estimation.log_unknowns import LogUnknowns
 from metaid.estimation.twin.planar import PlanarTwin
-from metaid.estimation.twin.shown import Filter, Motion
+from metaid.estimation.twin.shown import Filter, Shown
 from metaid.estimation.twin.spatial import SpatialTwin
 from metaid.estimation.twin.twin import Twin
 from metaid.estimation.unknowns import Unknowns

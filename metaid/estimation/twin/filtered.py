@@ -40,7 +40,7 @@ def lead(start, begin, forces, readings, balance, settings, noise, steps, work, 
         steps: for how many the push is followed.
         work: see `workspace`.
         spread: see `Spread`.
-        run: a push of a `Run`, filled in.
+        run: a push of a `Filtered`, filled in.
     """
     timesteps, substeps, is_continuous = settings
     of_reading, by_torque, of_torque = noise

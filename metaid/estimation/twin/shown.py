@@ -10,15 +10,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.compiled import Run, likelihood_about
+from metaid.compiled import Filtered, likelihood_about
 from metaid.episode import energies
-from metaid.estimation.trials import Gains, WatchedTrial
+from metaid.estimation.trials import FilterGains, WatchedTrial
 from metaid.models import Array
 
 UNASKED = np.empty(0)
 
 
-class Motion(NamedTuple):
+class Shown(NamedTuple):
     """What the twin shows of one trial on exact sensors.
 
     Attributes:
@@ -48,7 +48,7 @@ class Motion(NamedTuple):
         return np.searchsorted(ends, self.reached - 1, side="right")
 
 
-def with_energies(every: Motion, trial: WatchedTrial, ends: NDArray[np.int64]) -> Motion:
+def with_energies(every: Shown, trial: WatchedTrial, ends: NDArray[np.int64]) -> Shown:
     """The motion at the `ends` of windows (nwindow), in steps, with energies, by that at `every` step from 0 on."""
     angles, speeds, by_angle, by_speed = (each.swapaxes(0, 1) for each in every[:4])
     timestep, pull = trial.timestep, np.broadcast_to(trial.stiffness, len(trial.starts))[:, None]
@@ -60,7 +60,7 @@ def with_energies(every: Motion, trial: WatchedTrial, ends: NDArray[np.int64]) -
     of_speeds = timestep * (2.0 * _summed(speeds[1:], by_speed[1:], ends) - at_ends)  # by trapezoids
     slopes = (each.swapaxes(0, 1) for each in (of_speeds, of_jumps))
     angles, speeds, by_angle, by_speed = (each[:, ends] for each in every[:4])
-    return Motion(angles, speeds, by_angle, by_speed, every.windows_reached(ends), *shown, *slopes)
+    return Shown(angles, speeds, by_angle, by_speed, every.windows_reached(ends), *shown, *slopes)
 
 
 def _summed(one: Array, slopes: Array, ends: NDArray[np.int64]) -> Array:
@@ -83,17 +83,17 @@ class Filter:
         joints: coordinates and speeds of joints, by states.
     """
 
-    run: Callable[[Array, bool], Run]
+    run: Callable[[Array, bool], Filtered]
     of_reading: Array
     begins: Array
     steps: NDArray[np.int64]
     pushes: NDArray[np.intp]
     joints: Callable[[Array], Array]
 
-    def gains(self, torque_noise: Array) -> Gains:
+    def gains(self, torque_noise: Array) -> FilterGains:
         """Where the noise of each joint's torque has these standard deviations (njoint), in N m or N."""
         found = self.run(torque_noise[None] ** 2, False)
-        return Gains(found.gains, found.weights, self.joints(found.states), -0.5 * float(found.sums.sum()))
+        return FilterGains(found.gains, found.weights, self.joints(found.states), -0.5 * float(found.sums.sum()))
 
     def likelihood_about(self, torque_noise: Array) -> Callable[[Array, slice], Array]:
         """The logarithm of the likelihood of some of the pushes, but for a constant, by several standard deviations

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.estimation.trials import NOTHING_FURTHER, Further, Joints, ReadTrial, WatchedTrial
-from metaid.estimation.twin.shown import Motion
+from metaid.estimation.twin.shown import Shown
 from metaid.estimation.twin.spatial_motion import (
     COULOMB,
     SpatialBalance,
@@ -44,7 +44,7 @@ class SpatialTwin(Twin):
     def by_unknowns(self, slopes: Array) -> Array:
         return np.asarray(slopes @ self.unknowns.root) if slopes.shape[-1] else slopes
 
-    def watch(self, trial: WatchedTrial, windows: int, energies: bool = False) -> Motion:
+    def watch(self, trial: WatchedTrial, windows: int, energies: bool = False) -> Shown:
         if energies:
             raise ValueError("the twin of an arm shows no energies")
         return super().watch(trial, windows)

@@ -11,19 +11,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.compiled import Run, run_of, share_out, spread_of
+from metaid.compiled import Filtered, run_of, share_out, spread_of
 from metaid.estimation.trials import (
     NOTHING_FURTHER,
     Coefficients,
+    FilterGains,
     Further,
-    Gains,
     Joints,
     ReadTrial,
     WatchedTrial,
 )
 from metaid.estimation.twin.driven import watch_readings
 from metaid.estimation.twin.filtered import lead
-from metaid.estimation.twin.shown import Filter, Motion, with_energies
+from metaid.estimation.twin.shown import Filter, Shown, with_energies
 from metaid.estimation.twin.watched import watch_push
 from metaid.estimation.twin.workspace import workspace
 from metaid.models import Array
@@ -73,7 +73,7 @@ class Twin(ABC):
         """Forces in the kernel's coordinates, by torques of joints (njoint x njoint)."""
         return np.asarray(np.linalg.inv(self.links).T)
 
-    def watch(self, trial: WatchedTrial, windows: int, energies: bool = False) -> Motion:
+    def watch(self, trial: WatchedTrial, windows: int, energies: bool = False) -> Shown:
         """The first so many `windows` of each push of a trial, under the same law; with `energies` and their
         derivatives, where it has them.
         """
@@ -82,7 +82,7 @@ class Twin(ABC):
             return self.follow(trial, ends, wanted)
         return with_energies(self.follow(trial, np.arange(ends[-1] + 1), np.append(0, ends)[wanted] + 1), trial, ends)
 
-    def follow(self, trial: WatchedTrial, ends: NDArray[np.int64], wanted: NDArray[np.int64]) -> Motion:
+    def follow(self, trial: WatchedTrial, ends: NDArray[np.int64], wanted: NDArray[np.int64]) -> Shown:
         """The motion up to the `wanted` (npush) of the `ends` of windows, in steps, of which the first may be 0."""
         npush, _, n = trial.starts.shape
         nunknown, shape = len(self.point), (npush, len(ends), n)
@@ -98,7 +98,7 @@ class Twin(ABC):
                 reached[push] = watch_push(trial.starts[push], own, *settings)
 
         share_out(run, npush, npush * int(ends[-1]) * 2 * n * n * max(nunknown, 1))
-        return Motion(angles, speeds, self.by_unknowns(by_angle), self.by_unknowns(by_speed), reached)
+        return Shown(angles, speeds, self.by_unknowns(by_angle), self.by_unknowns(by_speed), reached)
 
     def trace(self, trial: WatchedTrial, steps: NDArray[np.int64]) -> tuple[Array, NDArray[np.bool_]]:
         """Joint coordinates after so many `steps` of each push of a trial (npush x nsteps x njoint), under the same
@@ -115,7 +115,7 @@ class Twin(ABC):
         basis: Sequence[Array] | Array,
         joints: Joints | None,
         further: Further = NOTHING_FURTHER,
-        led: Gains | None = None,
+        led: FilterGains | None = None,
     ) -> Coefficients | None:
         """What it shows of a noisy trial, driven by what was commanded; None where it cannot follow.
 
@@ -185,7 +185,7 @@ class Twin(ABC):
         forces, (balance, _) = self._forces(trial), self.alone.moving(trial, joints)
         multiplications = int(trial.steps[pushes].sum()) * trial.substeps * 20 * n**3 * _stages(trial)
 
-        def run(of_torque: Array, is_kept: bool) -> Run:
+        def run(of_torque: Array, is_kept: bool) -> Filtered:
             noise = of_reading, by_torque, of_torque
             found = run_of(npush, nreading, n, is_kept)
 
@@ -194,7 +194,7 @@ class Twin(ABC):
                 for push in (int(pushes[number]) for number in numbers):
                     pushed = starts[push], covariances[push], forces[push], seen[push]
                     moving = trial.timesteps[push], trial.substeps, trial.is_continuous
-                    own = Run(*(each[push] for each in found))
+                    own = Filtered(*(each[push] for each in found))
                     found.sums[push] = lead(*pushed, balance, moving, noise, trial.steps[push], *room, own)
 
             share_out(share, len(pushes), multiplications)

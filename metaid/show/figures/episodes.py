@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from metaid.episode import Trajectory
+from metaid.episode import States
 from metaid.models import Array
 from metaid.show.figures.panels import pair_of_panels
 from metaid.show.figures.style import COLOURS, FALL, PAGE, new_axes, save, style, verbatim
@@ -18,7 +18,7 @@ if TYPE_CHECKING:  # figures of logs do without numba
     from metaid.compiled import ArmPush, Objective
 
 
-def plot_angles(trajectory: Trajectory, timestep: float, axes: Axes | None = None) -> Axes:
+def plot_angles(trajectory: States, timestep: float, axes: Axes | None = None) -> Axes:
     """Joint angles, in degrees, over time, in s."""
     axes = new_axes(axes)
     times = timestep * np.arange(len(trajectory.angles))
@@ -30,7 +30,7 @@ def plot_angles(trajectory: Trajectory, timestep: float, axes: Axes | None = Non
     return axes
 
 
-def plot_phase(trajectory: Trajectory, axes: Axes | None = None) -> Axes:
+def plot_phase(trajectory: States, axes: Axes | None = None) -> Axes:
     """Joint speeds, in degrees per second, over joint angles, in degrees; a dot where each starts."""
     axes = new_axes(axes)
     for joint, (angles, speeds) in enumerate(

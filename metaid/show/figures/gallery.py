@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from metaid.episode import Trajectory
+from metaid.episode import States
 from metaid.errors import StorageError
 from metaid.models import Array
 from metaid.show.figures.episodes import plot_angles, plot_phase
@@ -185,9 +185,9 @@ class Gallery(Pictures):
         return plane(self.objective, self.centre, self._pair, first, second)
 
     @cached_property
-    def trajectory(self) -> Trajectory:
+    def trajectory(self) -> States:
         """The best candidate's motion after the last push."""
-        trajectory: Trajectory = self.objective.watch(self.centre)[1]
+        trajectory: States = self.objective.watch(self.centre)[1]
         return trajectory
 
     def _between_bounds(self, lump: int, count: int) -> Array:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from metaid.estimation import Approximation, Found, HeldOut, Prediction, Proposal, Replay, TakenUp, Unmodelled
+from metaid.estimation import Approximation, Found, HeldOutPushes, Prediction, Proposal, Replay, TakenUp, Unmodelled
 from metaid.models import COARSEST, Array
 from metaid.study.parameters import Known, Parameters
 
@@ -51,7 +51,7 @@ class StudyEstimate:
     taken_up: TakenUp | None = None
     forces: tuple[Unmodelled, ...] = ()
     prediction: Prediction | None = None
-    held_out: HeldOut | None = None
+    held_out: HeldOutPushes | None = None
     proposal: Proposal | None = None
     known_from: int | None = None
 

@@ -20,7 +20,7 @@ from metaid.estimation import (
     BaseUnknowns,
     Estimate,
     FoundFaults,
-    HeldOut,
+    HeldOutPushes,
     LogUnknowns,
     Prediction,
     Proposal,
@@ -39,7 +39,7 @@ _CLASSES: tuple[type, ...] = (
     TakenUp,
     Proposal,
 )
-_CLASSES += Unmodelled, HeldOut, Prediction
+_CLASSES += Unmodelled, HeldOutPushes, Prediction
 KEPT = {one.__name__: one for one in _CLASSES}
 LARGEST = 500_000_000  # bytes of JSON: a text that claims more was not written by metaid
 
