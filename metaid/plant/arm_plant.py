@@ -17,7 +17,7 @@ from metaid.plant.arm_settings import ArmSettings
 from metaid.plant.simulated import SimulatedPlant
 
 if TYPE_CHECKING:
-    from mujoco import MjModel
+    from mujoco import MjData, MjModel
 
     from metaid.plant.description.reading import Arm
 
@@ -67,7 +67,7 @@ class ArmPlant(SimulatedPlant):
 
     @property
     def repairs(self) -> tuple[str, ...]:
-        return self.arm.repairs if self.known is None else ()
+        return (*self.arm.repairs, *self.said_of_couples) if self.known is None else ()
 
     @property
     def question(self) -> str | None:
@@ -88,6 +88,29 @@ class ArmPlant(SimulatedPlant):
             raise PlantError(f"plant {self.name}: {wrong}")
         tilted = replace(tree, gravity=tilted_gravity(tree.gravity, faults.tilts(2)))
         return arm_model(tilted, self.timestep, self.stiffness, self.slack)
+
+    @cached_property
+    def data(self) -> MjData:
+        """Raises PlantError where a motor turns with two joints, which the model has not."""
+        self.refuse_couples()
+        return super().data
+
+    @property
+    def couples(self) -> tuple[tuple[int, int], ...]:
+        return self.arm.couples if self.known is None else ()
+
+    def refuse_couples(self) -> None:
+        """Raises PlantError where a motor turns with two joints."""
+        for said in self.said_of_couples:
+            raise PlantError(f"plant {self.name}: {said} (allowed in logs alone: metaid estimate)")
+
+    @property
+    def said_of_couples(self) -> list[str]:
+        """A sentence for each of the `couples`."""
+        names = self.tree.names
+        return [
+            f"a motor turns with joints '{names[one]}' and '{names[other]}' together" for one, other in self.couples
+        ]
 
     @property
     def stiffness(self) -> Array:

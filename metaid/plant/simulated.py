@@ -49,6 +49,11 @@ class SimulatedPlant(ABC):
         return float(self.settings.timestep)
 
     @property
+    def couples(self) -> tuple[tuple[int, int], ...]:
+        """Pairs of joints, from 0 on, with whose sum a motor turns: logs can tell of it, and no push."""
+        return ()
+
+    @property
     def repairs(self) -> tuple[str, ...]:
         """What its file says of its moving links and cannot be, as sentences."""
         return ()

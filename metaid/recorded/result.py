@@ -108,7 +108,9 @@ def estimate(
             if term not in TERMS:
                 raise RecordError(f"friction: {unknown('term', term, TERMS)}")
         choices = replace(choices, friction=tuple(friction))
-    model = model_of(plant, coupled=tuple(_joints(pair, plant.njoint) for pair in coupled), gravity=gravity)
+    model = model_of(
+        plant, coupled=tuple(_joints(pair, plant.njoint) for pair in coupled) or plant.couples, gravity=gravity
+    )
     measured = absolute_of(model, absolute)
     model = model.with_coupled(tuple(dict.fromkeys((*model.sliding.coupled, *measured.coupled))))
     model = replace(model, untrusted=_chosen("untrusted", untrusted, model))

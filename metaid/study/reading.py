@@ -133,6 +133,7 @@ def _nominal_arm(study: StudySettings, named: Named) -> tuple[ArmPlant, Tree]:
     if not isinstance(settings, ArmSettings):
         raise PlantError(f"{path}: no arm, as the plant of the study is (allowed: a plant file with mjcf or urdf)")
     arm = ArmPlant(path.stem, settings)
+    arm.refuse_couples()
     return arm, arm.tree if drawn is None else drawn_nominal(arm.tree, drawn.seed, study.estimate.prior)
 
 
@@ -143,6 +144,7 @@ def _simulated(plant: ArmPlant, nominal: Tree, path: Path) -> ArmPlantSettings:
             f"{path}: plant {plant.name} has the joints {', '.join(plant.tree.names)}, the nominal arm "
             f"{', '.join(nominal.names)}: they must agree"
         )
+    plant.refuse_couples()
     settings, sprung = plant.settings, [(i, name) for i, name in enumerate(nominal.names) if plant.stiffness[i]]
     return ArmPlantSettings(
         arm=TreeSettings.of(plant.tree),

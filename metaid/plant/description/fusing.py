@@ -71,6 +71,22 @@ class Whole:
         stiffness = np.zeros(len(self.joints)) if off else self.model.jnt_stiffness[list(self.joints)]
         return stiffness, np.where(stiffness, self.model.qpos_spring[self.addresses], 0.0)
 
+    @cached_property
+    def couples(self) -> dict[int, tuple[int, int]]:
+        """Fixed tendons that turn with the sum of two moving joints, one right after the other, by their numbers, and
+        the two, from 0 on: they stand for a motor, as in files that metaid writes.
+        """
+        model, found = self.model, {}
+        for tendon in range(model.ntendon):
+            wraps = slice(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
+            joints = [self.joints.index(each) for each in model.wrap_objid[wraps] if each in self.joints]
+            is_fixed = (model.wrap_type[wraps] == mujoco.mjtWrap.mjWRAP_JOINT).all()
+            is_sum = len(joints) == 2 and joints[1] == joints[0] + 1 and np.ptp(model.wrap_prm[wraps]) == 0.0
+            others = (model.tendon_stiffness, model.tendon_stiffnesspoly, model.tendon_dampingpoly)
+            if is_fixed and is_sum and not any(each[tendon].any() for each in others):
+                found[tendon] = joints[0], joints[1]
+        return found
+
     def joints_at(self, coordinates: Array) -> tuple[Array, Array]:
         """Where the moving joints are at these `coordinates` (njoint), and their axes (njoint x 3 each), in the base's
         frame.

@@ -29,7 +29,7 @@ TOLERANCE = 1e-8  # relative: the lean model must move as the whole file does
 class Arm:
     """An arm as its plant file says it is: its `tree`, the `whole` file it was made from, the coordinates `home` of its
     joints (njoint), in rad or m, the `stiffness` of their springs, in N m/rad or N/m, and where these are `slack`
-    (njoint each), and what was repaired in its moving links.
+    (njoint each), pairs of joints with whose sum a motor turns (`couples`), and what was repaired in its moving links.
     """
 
     tree: Tree
@@ -37,6 +37,7 @@ class Arm:
     home: Array
     stiffness: Array
     slack: Array
+    couples: tuple[tuple[int, int], ...] = ()
     repairs: tuple[str, ...] = ()
 
 
@@ -73,7 +74,7 @@ def read_arm(settings: ArmSettings, source: str) -> Arm:
     )
     given = zip(whole.springs, (settings.stiffness, settings.slack), strict=True)
     stiffness, slack = (_instead(values, named, tree.names) for values, named in given)
-    return Arm(tree, whole, whole.pose[whole.addresses], stiffness, slack, repairs)
+    return Arm(tree, whole, whole.pose[whole.addresses], stiffness, slack, tuple(whole.couples.values()), repairs)
 
 
 def _known(source: str, key: str, given: Mapping[str, float], names: tuple[str, ...]) -> None:
@@ -154,8 +155,11 @@ def forces_of_lean(model: mujoco.MjModel, coordinates: Array, speeds: Array) -> 
 
 
 def forces_of_whole(whole: Whole, coordinates: Array, speeds: Array) -> tuple[Array, Array, Array]:
-    """The same of the whole file, of the joints that move while the others are held."""
-    model = copy(whole.model)
+    """The same of the whole file, of the joints that move while the others are held, without motors that turn with two
+    of them.
+    """
+    model, couples = copy(whole.model), list(whole.couples)
+    model.tendon_armature[couples] = model.tendon_damping[couples] = 0.0
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT  # what touches in such a pose does not matter
     data = mujoco.MjData(model)
     data.qpos[:] = whole.at(coordinates)

@@ -192,7 +192,7 @@ def _tendons(whole: Whole) -> Iterator[tuple[str, str]]:
             elif kind in (wraps.mjWRAP_SPHERE, wraps.mjWRAP_CYLINDER):
                 touched.add(links[model.geom_bodyid[what]])
         met = [force for force in forces if np.any(getattr(model, f"tendon_{force}")[tendon])]
-        if len(touched) > 1 and met:
+        if len(touched) > 1 and met and tendon not in whole.couples:
             name = model.tendon(tendon).name or str(tendon + 1)
             yield f"tendon '{name}' has a {met[0].removesuffix('poly')} of its own", "joints in series, without tendons"
 
