@@ -14,7 +14,7 @@ import numpy as np
 
 from metaid.models import Array
 from metaid.models.tree import COLUMNS
-from metaid.recorded.comparing import Missed, Search
+from metaid.recorded.comparing import Candidate, Search
 from metaid.recorded.friction_terms import with_friction, with_springs
 from metaid.recorded.held_out import Yardstick
 from metaid.recorded.weak_form.equations import Equations, Solution, first_equations
@@ -85,27 +85,25 @@ def choose(logs: Sequence[Smoothed], model: LinearModel, choices: Choices, scale
     terms = BASE if asked is None else tuple(term for term in COLUMNS if term in asked)
     spans = WINDOWS if choices.span is None else ((choices.span, _usual_power(choices.span)),)
     search = Search(logs, model.with_friction(terms), spans)
-    present = replace(search.first, zeros=bool(choices.zeros), delay=choices.delay or 0.0, scale=scale)
-    present, missed = _best_windows(search, present)
+    said = replace(search.first, zeros=bool(choices.zeros), delay=choices.delay or 0.0, scale=scale)
+    best = _best_windows(search, said)
     if choices.delay is None:
-        present, missed, _ = _with_delay(search, present, missed, PROMPT)
+        best, _ = _with_delay(search, best, PROMPT)
     if choices.zeros is None:
-        present, missed = _with_zeros(search, present, missed)
-    present, missed = with_friction(search, present, missed, asked)
-    plain = present
-    present, missed = _with_doubt(search, present, missed)
+        best = _with_zeros(search, best)
+    best = plain = with_friction(search, best, asked)
+    best = _with_doubt(search, best)
     if asked is None:
-        present, missed = with_springs(search, present, missed)
-    if present is not plain:
-        present, missed = with_friction(search, present, missed, asked)
-    present, missed = _best_windows(search, present)
+        best = with_springs(search, best)
+    if best is not plain:
+        best = with_friction(search, best, asked)
+    best = _best_windows(search, best.equations)
     at_bound = False
     if choices.delay is None:  # friction that was taken up may have looked like a delay
-        if present.delay:
-            present = replace(present, delay=0.0)
-            missed = search.missed([present])[0]
-        present, missed, at_bound = _with_delay(search, present, missed)
-    return Chosen(present, search.yardstick, tuple(search.tried), at_bound)
+        if best.equations.delay:
+            best = search.candidate(replace(best.equations, delay=0.0))
+        best, at_bound = _with_delay(search, best)
+    return Chosen(best.equations, search.yardstick, tuple(search.tried), at_bound)
 
 
 def _usual_power(span: float) -> int:
@@ -113,55 +111,47 @@ def _usual_power(span: float) -> int:
     return min(WINDOWS, key=lambda windows: abs(np.log(windows[0] / span)))[1]
 
 
-def _best_windows(search: Search, present: Equations) -> tuple[Equations, Missed]:
-    every = [search.equations(windows, present) for windows in search.windows]
-    missed = search.missed(every)
-    most = ALIKE * np.fmin.reduce([each.whole for each in missed])
-    best = next((number for number, each in enumerate(missed) if each.whole <= most), 0)
-    return every[best], missed[best]
+def _best_windows(search: Search, like: Equations) -> Candidate:
+    every = search.candidates([search.equations(windows, like) for windows in search.windows])
+    most = ALIKE * np.fmin.reduce([each.whole for each in every])
+    return next((each for each in every if each.whole <= most), every[0])
 
 
-def _with_zeros(search: Search, present: Equations, missed: Missed) -> tuple[Equations, Missed]:
+def _with_zeros(search: Search, best: Candidate) -> Candidate:
     """With zeros of the encoders, where these are worth their while; each judged on the same rows."""
-    other = replace(present, zeros=True)
-    found = search.better("zeros of the encoders", other, search.missed([present], of_halves=True)[0])
-    return (present, missed) if found is None else (other, found)
+    (before,) = search.candidates([best.equations], of_halves=True)
+    return search.better("zeros of the encoders", replace(best.equations, zeros=True), before) or best
 
 
-def _with_doubt(search: Search, present: Equations, missed: Missed) -> tuple[Equations, Missed]:
+def _with_doubt(search: Search, best: Candidate) -> Candidate:
     """With a wider prior of the bodies, where that is worth its while for those that can be, too: nominal ones may be
     a guess.
     """
-    others = [replace(present, doubt=doubt) for doubt in DOUBTS]
-    found = search.missed(others)
-    search.tried += [
-        (f"a prior {doubt:g} times as wide", each.shares(missed)[0]) for doubt, each in zip(DOUBTS, found, strict=True)
-    ]
-    best, other = min(zip(found, others, strict=True), key=lambda each: float(np.prod(each[0].shares(missed))))
-    if best.shares(missed)[0] > GUESSED:
-        return present, missed
+    found = search.candidates([replace(best.equations, doubt=doubt) for doubt in DOUBTS])
+    for doubt, each in zip(DOUBTS, found, strict=True):
+        search.noted(f"a prior {doubt:g} times as wide", each, best)
+    wider = min(found, key=lambda each: float(np.prod(each.shares(best))))
+    if wider.shares(best)[0] > GUESSED:
+        return best
     speeds = fastest(search.yardstick.logs)
 
     def possible(equations: Equations) -> list[Solution]:
         bodies = Possible(equations.model, equations.scale, speeds)
         return [bodies.refined(each) for each in equations.without_each]
 
-    before, after = search.missed([present, other], solve=possible)
-    return (other, best) if after.is_worth(before) else (present, missed)
+    before, after = search.candidates([best.equations, wider.equations], solve=possible)
+    return wider if after.is_worth(before) else best
 
 
-def _with_delay(
-    search: Search, present: Equations, missed: Missed, longest: float = np.inf
-) -> tuple[Equations, Missed, bool]:
+def _with_delay(search: Search, best: Candidate, longest: float = np.inf) -> tuple[Candidate, bool]:
     """With a delay of the torques that is no longer than so many s, where it is worth its while, and whether it is an
     end of what was scanned.
     """
-    late, at_bound = likely_delay(present)
+    late, at_bound = likely_delay(best.equations)
     if abs(late) > longest:
-        return present, missed, False
-    other = replace(present, delay=late)
-    found = search.better("a delay", other, missed)
-    return (present, missed, False) if found is None else (other, found, at_bound)
+        return best, False
+    found = search.better("a delay", replace(best.equations, delay=late), best)
+    return (best, False) if found is None else (found, at_bound)
 
 
 def likely_delay(present: Equations) -> tuple[float, bool]:

@@ -1,8 +1,10 @@
-"""What is compared when something is chosen: equations by their windows, and what each leaves of what was left out."""
+"""What is compared when something is chosen: equations by their windows, and how well they predict what was left
+out.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import NamedTuple
@@ -23,17 +25,22 @@ STARTS = 24  # of simulations a fold, while something is chosen
 COVERED = 0.5  # of the time that any windows cover: where fewer rows were read, short ones have too few
 
 
-class Missed(NamedTuple):
-    """The error of what was left out: of the `whole`, of the torque of each joint (njoint), which joints count by
-    themselves (njoint), and of each fold (nfold).
+class Candidate(NamedTuple):
+    """What may be chosen: its `equations`, and the error of what was left out, of the `whole`, of the torque of each
+    joint (njoint), which joints count by themselves (njoint), and of each fold (nfold).
     """
 
+    equations: Equations
     whole: float
     by_joint: Array
     counts: NDArray[np.bool_]
     by_fold: Array
 
-    def shares(self, before: Missed, joints: NDArray[np.bool_] | None = None) -> tuple[float, float]:
+    @property
+    def model(self) -> LinearModel:
+        return self.equations.model
+
+    def shares(self, before: Candidate, joints: NDArray[np.bool_] | None = None) -> tuple[float, float]:
         """The error as a share of that `before`: of the whole, and of one of the `joints` (njoint; by default all) in
         the geometric mean.
         """
@@ -42,18 +49,18 @@ class Missed(NamedTuple):
         of_joints = float(np.exp(np.log(own / usual).mean())) if len(own) else 1.0
         return self.whole / max(before.whole, 1e-300), of_joints
 
-    def gains(self, before: Missed) -> NDArray[np.bool_]:
+    def gains(self, before: Candidate) -> NDArray[np.bool_]:
         """Which joints (njoint) are predicted better by WORTH; all where none counts by itself."""
         return np.asarray(self.counts & (self.by_joint < WORTH * before.by_joint) | ~self.counts.any())
 
-    def is_agreed(self, before: Missed) -> bool:
+    def is_agreed(self, before: Candidate) -> bool:
         """Whether folds are predicted better by more than they differ in that: the mean of the logarithms of their
         errors, as shares of those `before`, is below 0 by a standard error.
         """
         shares = np.log(np.maximum(self.by_fold, 1e-300) / np.maximum(before.by_fold, 1e-300))
         return bool(shares.mean() < -shares.std(ddof=1) / np.sqrt(len(shares)))
 
-    def is_worth(self, before: Missed, joints: NDArray[np.bool_] | None = None) -> bool:
+    def is_worth(self, before: Candidate, joints: NDArray[np.bool_] | None = None) -> bool:
         """Whether all joints together are predicted better by WORTH, or one of the `joints` (njoint; by default all) is
         on average, and all are no worse: an arm's wrist is next to nothing of its torque.  Eq. 72.
         """
@@ -62,7 +69,7 @@ class Missed(NamedTuple):
 
 
 class Search:
-    """Equations by windows, and what each choice leaves."""
+    """Equations by windows, and how well each choice predicts."""
 
     def __init__(self, logs: Sequence[Smoothed], model: LinearModel, spans: Sequence[tuple[float, int]]) -> None:
         """Nothing is chosen yet of what is unknown; windows may be, by their length in s and the degree of their
@@ -100,38 +107,52 @@ class Search:
         """Those of other windows, with the choices of others."""
         return self._by_windows[windows].with_choices_of(like)
 
-    def missed(
+    def candidate(self, equations: Equations) -> Candidate:
+        """One that may be chosen."""
+        return self.candidates([equations])[0]
+
+    def models(self, like: Candidate, models: Iterable[LinearModel]) -> list[Candidate]:
+        """The same windows and choices with other `models`."""
+        return self.candidates([like.equations.with_model(model) for model in models])
+
+    def model(self, like: Candidate, model: LinearModel) -> Candidate:
+        """The same with one other."""
+        return self.models(like, [model])[0]
+
+    def candidates(
         self,
-        candidates: Sequence[Equations],
+        every: Sequence[Equations],
         of_halves: bool = False,
         solve: Callable[[Equations], list[Solution]] = lambda each: each.without_each,
-    ) -> list[Missed]:
-        """What each of several equations leaves of what was left out; `of_halves` of the second half of a whole log
+    ) -> list[Candidate]:
+        """Each of several that may be chosen, by what was left out; `of_halves` by the second half of a whole log
         alone, as where zeros are unknown; `solve` says what they tell without each fold (nfold), by default freely.
         """
         yardstick = replace(self.yardstick, of_halves=True) if of_halves else self.yardstick
         solved = {}
-        for number, each in enumerate(candidates):
+        for number, each in enumerate(every):
             with suppress(np.linalg.LinAlgError):
                 solved[number] = each, solve(each)
         held = yardstick.all_judged(list(solved.values()), self.first.model.is_pendulum, STARTS)
         found = dict(zip(solved, held, strict=True))
-        return [_missed(each, found.get(number)) for number, each in enumerate(candidates)]
+        return [_judged(each, found.get(number)) for number, each in enumerate(every)]
 
-    def better(self, what: str, other: Equations, before: Missed) -> Missed | None:
-        """What another choice leaves, where that is worth its while; else None."""
-        found = self.missed([other])[0]
-        self.tried.append((what, found.shares(before)[0]))
+    def better(self, what: str, other: Equations, before: Candidate) -> Candidate | None:
+        """Another choice, where that is worth its while; else None."""
+        found = self.noted(what, self.candidate(other), before)
         return found if found.is_worth(before) else None
 
+    def noted(self, what: str, found: Candidate, before: Candidate) -> Candidate:
+        """One that was tried, which is to be told by these words."""
+        self.tried.append((what, found.shares(before)[0]))
+        return found
 
-def _missed(equations: Equations, held: HeldOut | None) -> Missed:
-    """What equations leave, of a pendulum by its motion; without bound where they have no solution."""
-    model = equations.model
+
+def _judged(equations: Equations, held: HeldOut | None) -> Candidate:
+    """By what equations leave, of a pendulum by its motion; without bound where they have no solution."""
+    model, none_counts = equations.model, np.zeros(equations.model.njoint, dtype=bool)
     if held is None:
-        return Missed(
-            float("inf"), np.full(model.njoint, np.inf), np.zeros(model.njoint, dtype=bool), np.full(1, np.inf)
-        )
+        return Candidate(equations, np.inf, np.full(model.njoint, np.inf), none_counts, np.full(1, np.inf))
     if model.is_pendulum and len(held.motions):
-        return Missed(held.motion, held.by_joint, np.zeros(model.njoint, dtype=bool), held.motions)
-    return Missed(held.relative, held.by_joint, ~(model.untrusted | equations.held), held.folds)
+        return Candidate(equations, held.motion, held.by_joint, none_counts, held.motions)
+    return Candidate(equations, held.relative, held.by_joint, ~(model.untrusted | equations.held), held.folds)

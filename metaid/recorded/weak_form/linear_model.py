@@ -237,13 +237,14 @@ class LinearModel:
         without = others | {(term, joint) for joint in lacking}
         return _with_friction(self, (*self.friction, term), without)
 
-    def with_presliding(self, presliding: Array) -> LinearModel:
-        """The same with dry friction that builds up over displacements of the joints (njoint), in rad or m."""
-        return replace(self, sliding=replace(self.sliding, presliding=presliding))
+    def with_presliding(self, presliding: Array | float, joints: NDArray[np.bool_] | bool = True) -> LinearModel:
+        """The same with dry friction that builds up over displacements of some `joints` (njoint each), in rad or m."""
+        sliding = self.sliding
+        return replace(self, sliding=replace(sliding, presliding=np.where(joints, presliding, sliding.presliding)))
 
-    def with_bent(self, bent: Array) -> LinearModel:
-        """The same with dry friction that bends at these speeds of the joints (njoint), in rad/s or m/s."""
-        return replace(self, sliding=replace(self.sliding, bent=bent))
+    def with_bent(self, bent: Array, joints: NDArray[np.bool_] | bool = True) -> LinearModel:
+        """The same with dry friction that bends at these speeds of some `joints` (njoint each), in rad/s or m/s."""
+        return replace(self, sliding=replace(self.sliding, bent=np.where(joints, bent, self.sliding.bent)))
 
     def with_coupled(self, coupled: tuple[tuple[int, int], ...]) -> LinearModel:
         """The same with these pairs of joints, from 0 on, whose motors are coupled."""
