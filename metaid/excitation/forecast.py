@@ -98,7 +98,7 @@ def forecast(problem: MotionSearch, series: Series, seconds: float, noise: LogNo
 
     def rehearse(record: Record) -> tuple[Array, Array, Array]:
         equations = equations_like(found, record)
-        solution = equations.solved[0]
+        solution = equations.solution
         inverse = np.linalg.inv(solution.precision)
         of_prior = np.diag(inverse @ solution.prior @ inverse)
         return np.diag(equations.covariance(solution.values)), of_prior, solution.values - nominal

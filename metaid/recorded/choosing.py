@@ -156,9 +156,8 @@ def _with_delay(search: Search, best: Candidate, longest: float = np.inf) -> tup
 
 def likely_delay(present: Equations) -> tuple[float, bool]:
     """The delay of the torques that leaves least, in s, and whether it is an end of the scan."""
-    solution, rows, _ = present.solved
-    root, njoint, nparam = np.linalg.cholesky(solution.weight).T, present.model.njoint, len(solution.values)
-    whitened = np.concatenate([(root @ own[..., :nparam]).reshape(-1, nparam) for own in rows])
+    root, njoint = np.linalg.cholesky(present.solution.weight).T, present.model.njoint
+    whitened = np.concatenate([(root @ own).reshape(-1, own.shape[-1]) for own in present.columns])
     basis = np.linalg.qr(whitened / np.maximum(np.sqrt((whitened**2).sum(axis=0)), 1e-300))[0]
 
     def left(delay: float) -> float:

@@ -27,7 +27,7 @@ from metaid.recorded.held_out import HeldOut
 from metaid.recorded.reading.readings import Record
 from metaid.recorded.weak_form.equations import Equations, Solution, equations_of, first_equations
 from metaid.recorded.weak_form.linear_model import LinearModel
-from metaid.recorded.weak_form.normal import ZERO, beside_zeros
+from metaid.recorded.weak_form.normal import ZERO
 from metaid.recorded.weak_form.possible import Possible, PossibleModel
 from metaid.recorded.weak_form.smoothed import Smoothed, smoothed, smoothed_together
 
@@ -196,7 +196,7 @@ def equations_like(found: RecordedEstimate, record: Record) -> Equations:
 
 def _zeros(equations: Equations, values: Array) -> Array:
     """The zeros (nlog x njoint) that follow from other values (nparam) than those of the free fit."""
-    solution, _, blocks = equations.solved
+    solution, blocks = equations.solution, equations.blocks
     zeros = solution.zeros.copy()
     if equations.zeros:
         shift = values - solution.values
@@ -210,7 +210,7 @@ def _zeros(equations: Equations, values: Array) -> Array:
 
 def _possible(equations: Equations, logs: Sequence[Smoothed]) -> tuple[PossibleModel, list[Solution]]:
     """The model that can be and that some equations tell, and what they tell of it without each fold (nfold)."""
-    bodies, free = Possible(equations.model, equations.scale, fastest(logs)), equations.solved[0]
+    bodies, free = Possible(equations.model, equations.scale, fastest(logs)), equations.solution
     return bodies.closest(free.values, free.precision), [bodies.refined(each) for each in equations.apart]
 
 
@@ -218,8 +218,7 @@ def _nominal(equations: Equations) -> list[Solution]:
     """What predicts each fold (nfold) by the nominal bodies, with friction fitted to the rest."""
     model, scale = equations.model, equations.scale
     nbody = model.nbody
-    solution, _, _ = equations.solved
-    stiff = 1e12 * np.diag(solution.precision)[:nbody]
+    stiff = 1e12 * np.diag(equations.solution.precision)[:nbody]
     bodies = scale * model.nominal
 
     def fixed(solution: Solution) -> Solution:
@@ -236,10 +235,10 @@ def _nominal(equations: Equations) -> list[Solution]:
 
 def _projected(equations: Equations, possible: PossibleModel) -> Array:
     """The covariance of the unknowns (nparam x nparam), that of a chain by its fewer free parameters.  Eq. 70."""
-    covariance = equations.covariance(equations.solved[0].values)
+    covariance = equations.covariance(equations.solution.values)
     if possible.jacobian is None:
         return covariance
-    precision, jacobian = equations.solved[0].precision, possible.jacobian
+    precision, jacobian = equations.solution.precision, possible.jacobian
     scale = 1.0 / np.sqrt(np.diag(precision))
     weighed = jacobian / scale[:, None]
     inner = weighed.T @ (precision * np.outer(scale, scale)) @ weighed
@@ -264,13 +263,9 @@ def _of_gains(equations: Equations, relative: Array) -> Array:
     """What deviations of the gains, as shares of them (njoint), add to the covariance of the unknowns (nparam x
     nparam).  Eq. 75.
     """
-    solution, rows, _ = equations.solved
-    nparam = len(solution.values)
-    moments = np.zeros((nparam, len(relative)))
-    for own, torques in zip(rows, equations.torques, strict=True):
-        columns = own[..., :nparam]
-        if equations.zeros:
-            columns, _ = beside_zeros(own, torques, nparam, solution.weight)
+    solution = equations.solution
+    moments = np.zeros((len(solution.values), len(relative)))
+    for (columns, _), torques in zip(equations.beside_zeros(equations.torques), equations.torques, strict=True):
         moments += np.einsum("wajp,jk,wak->pk", columns, solution.weight, torques, optimize=True)
     scale = 1.0 / np.sqrt(np.diag(solution.precision))
     changes = scale[:, None] * np.linalg.solve(solution.precision * np.outer(scale, scale), scale[:, None] * moments)
@@ -296,10 +291,10 @@ def _systematic(
         names = [equations.model.joints[joint] for joint in joints]
         if names:
             lacking.append(f"{suspect.what} of joint{'s' * (len(names) > 1)} {first_of(names, MOST_NAMED)}")
-    free = equations.solved[0].values
+    free = equations.solution.values
     late, _ = likely_delay(equations)
     prompt = replace(equations, delay=late)
-    changes.append(prompt.solved[0].values - free)
+    changes.append(prompt.solution.values - free)
     if _unexplained(prompt) < WORTH * _unexplained(equations):
         lacking.append(f"a delay of {1e3 * late:.2g} ms")
     for span, power in ((0.1, 5), (0.2, 6), (0.3, 8), (0.5, 10)):
@@ -307,19 +302,15 @@ def _systematic(
             other = equations_of(logs, equations.model, span, power)
             if other is not None:
                 other = other.with_choices_of(equations)
-                changes.append(other.solved[0].values - free)
+                changes.append(other.solution.values - free)
             break
     return np.sqrt(np.sum(np.square(changes), axis=0)), tuple(lacking)
 
 
 def _unexplained(equations: Equations) -> float:
     """Root mean square of the averaged torques that the free fit leaves, in N m or N."""
-    solution, rows, _ = equations.solved
-    squares = [
-        equations.model.trusted_alone(torques - own[..., : len(solution.values)] @ solution.values) ** 2
-        for own, torques in zip(rows, equations.torques, strict=True)
-    ]
-    return float(np.sqrt(np.mean(np.concatenate([each.ravel() for each in squares]))))
+    left = map(equations.model.trusted_alone, equations.left(equations.solution.values))
+    return float(np.sqrt(np.mean(np.concatenate([each.ravel() for each in left]) ** 2)))
 
 
 def _misfit(equations: Equations, values: Array) -> float:
@@ -330,12 +321,11 @@ def _misfit(equations: Equations, values: Array) -> float:
     mass matrix at the middle of each window.
     """
     model, n = equations.model, equations.model.njoint
-    rows = equations.solved[1]
     left, noise = np.zeros(n), np.zeros(n)
-    for part, own, torques in zip(equations.parts, rows, equations.torques, strict=True):
+    for part, missed in zip(equations.parts, equations.left(values), strict=True):
         windows = part.windows
         poses = windows.coordinates[:, windows.coordinates.shape[1] // 2]
         matrices, _ = model.dynamics(values[: model.nbody])(poses, np.zeros_like(poses))
         noise += ((matrices * windows.acceleration_noise) ** 2).sum(axis=(0, 2))
-        left += model.trusted_alone((torques - own[..., : len(values)] @ values)[:, 0] ** 2).sum(axis=0)
+        left += model.trusted_alone(missed[:, 0] ** 2).sum(axis=0)
     return float(np.sqrt((left / np.maximum(noise, 1e-300)).max()))

@@ -237,7 +237,7 @@ def _with_shipped(logs: Sequence[Log] | Log) -> list[Log]:
 def _validated(found: RecordedEstimate, own: Smoothed) -> HeldOut:
     """How well a log is predicted that nothing was fitted to, its zeros from its first half."""
     yardstick = Yardstick((own,), (Fold((Span(0),)),))
-    solution = replace(found.equations.solved[0], values=found.values, zeros=np.zeros((1, found.model.njoint)))
+    solution = replace(found.equations.solution, values=found.values, zeros=np.zeros((1, found.model.njoint)))
     return yardstick.judged(found.equations, [solution], True)
 
 

@@ -121,7 +121,7 @@ def test_promised_deviations_hold_for_robots_that_are_30_percent_off(pendulum: E
             [log], model, Choices(friction=("viscous", "coulomb"), zeros=False, delay=0.0)
         )
         equations = equations_like(found, log)
-        told = equations.solved[0].values
+        told = equations.solution.values
         errors.append(told - values)
         covered.append(np.abs(told - values) < 1.96 * np.sqrt(np.diag(equations.covariance(told))))
     shares = np.sqrt(np.mean(np.square(errors), axis=0)) / pendulum.forecast.deviations

@@ -127,7 +127,7 @@ def test_log_of_what_cannot_be_tells_bodies_that_can_be() -> None:
     record = arm_log()
     rates = np.gradient(np.gradient(record.angles, record.period, axis=0), record.period, axis=0)
     found = estimated(record.with_torques(record.torques - np.array([0.0, 0.0, 0.03]) * rates))
-    free = found.equations.solved[0].values
+    free = found.equations.solution.values
     rotors = [i for i, name in enumerate(found.model.names) if name.startswith("rotor")]
     assert free[rotors].min() < 0.0
     tree = found.possible.tree

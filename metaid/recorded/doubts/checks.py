@@ -92,7 +92,7 @@ def _named(equations: Equations, found: RecordedEstimate, measured: Absolute | N
     turned = _turned(found)
     if usual.max() < WRONG and not units:
         return turned
-    every = [each for each in suspected(check) if each.check.is_solved]
+    every = [each for each in suspected(check) if each.check.equations.is_solved]
     worth, mended = [], {}
     for each in every:
         # It may be what is wrong that looks like another unit of all torques.
@@ -173,7 +173,7 @@ def _both(every: Sequence[Suspected], usual: Array, below: float) -> Fact | None
         for other in suspected(one.check)
         if one.options[0].of != other.options[0].of
     }
-    solved = [pair for pair in pairs.values() if pair[1].check.is_solved]
+    solved = [pair for pair in pairs.values() if pair[1].check.equations.is_solved]
     best = sorted(solved, key=lambda pair: together(pair[1].check.free, usual))[:TRIED]
     scaled = [(pair, pair[1].check.with_scale()) for pair in best]
     tried = [

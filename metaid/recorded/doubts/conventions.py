@@ -42,19 +42,9 @@ class Check:
     leaning: dict[Option, LinearModel] = field(default_factory=dict, repr=False, compare=False)
 
     @property
-    def is_solved(self) -> bool:
-        """Whether the equations have a solution: of a motor that turns with two joints the rotor may be told from no
-        body where nothing is left of the torques.
-        """
-        try:
-            return bool(self.equations.solved)
-        except np.linalg.LinAlgError:
-            return False
-
-    @property
     def free(self) -> Array:
         """The share of its torque that the free fit leaves unexplained in each joint (njoint)."""
-        return self._unexplained(self.equations.solved[0].values)
+        return self._unexplained(self.equations.solution.values)
 
     def left(self, usual: Array | None = None, of_a_zero: bool = False) -> Array:
         """The same of a possible model; of the free fit, which leaves less, where this is not far below the `usual`
@@ -63,16 +53,15 @@ class Check:
         free = self.free
         if usual is not None and improvement(free, usual, of_a_zero) >= NAMED:
             return free
-        solution = self.equations.solved[0]
         possible = Possible(self.equations.model, self.equations.scale, self.fastest)
-        return self._unexplained(possible.closest(solution.values, solution.precision).values)
+        return self._unexplained(possible.refined(self.equations.solution).values)
 
     def _unexplained(self, values: Array) -> Array:
-        model, rows = self.equations.model, self.equations.solved[1]
+        model = self.equations.model
         missed, whole = np.zeros(model.njoint), np.zeros(model.njoint)
         bodies = self.equations.scale * model.nominal
-        for part, own, torques in zip(self.equations.parts, rows, self.equations.torques, strict=True):
-            left = torques - own[..., : len(values)] @ values
+        every = zip(self.equations.parts, self.equations.left(values), self.equations.torques, strict=True)
+        for part, left, torques in every:
             missed += model.trusted_alone((left**2).sum(axis=(0, 1)))
             whole += part.whole(model, bodies, torques).sum(axis=(0, 1))
         return np.asarray(np.sqrt(missed / np.maximum(whole, 1e-300)), dtype=np.float64)

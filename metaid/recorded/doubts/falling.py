@@ -17,7 +17,7 @@ def falling_torques(check: Check, usual: Array) -> NDArray[np.bool_]:
     model that may have such friction explains far better than what is left of the `usual` (njoint).
     """
     equations, free = check.equations, check.free
-    model, values = equations.model, equations.solved[0].values
+    model, values = equations.model, equations.solution.values
     falling = ~(model.untrusted | model.passive | equations.held)
     falling &= (usual >= WRONG) & (free < np.minimum(NAMED * usual, LOST))
     if not falling.any():
@@ -34,7 +34,7 @@ def falling_torques(check: Check, usual: Array) -> NDArray[np.bool_]:
 
 def named_as_falling(check: Check, falling: NDArray[np.bool_]) -> Fact:
     """What is said of those joints, with the option that fits nothing to their torques."""
-    model, values = check.equations.model, check.equations.solved[0].values
+    model, values = check.equations.model, check.equations.solution.values
     names = np.array(model.joints)[falling].tolist()
     slopes = [f"{-values[model.columns['viscous', joint]]:.2g}" for joint in np.flatnonzero(falling).tolist()]
     unit = "N m s, of slides N s/m" if model.slides[falling].any() else "N m s"

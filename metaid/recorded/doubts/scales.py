@@ -46,7 +46,7 @@ class Scales:
 def scales_of(equations: Equations) -> Scales:
     """Of the joints, by the nominal bodies beside friction, and beside a rotor where a joint carries nothing."""
     model, scales = equations.model, np.full((3, equations.model.njoint), np.nan)
-    solution, rows, _ = equations.solved
+    solution, rows = equations.solution, equations.columns
     carried = [_carried(part, model, solution.zeros[part.log]) for part in equations.parts]
     rotors = [part.windows.averaged(part.windows.accelerations) for part in equations.parts]
     needs = [own[..., : model.nbody] @ model.nominal for own in rows]

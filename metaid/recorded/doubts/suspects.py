@@ -60,19 +60,18 @@ def examined(equations: Equations, values: Array, suspect: Suspect) -> tuple[Arr
     What the logs say of it changes them as they say. A size that is expected changes them as far as it is not told from
     them.
     """
-    solution, rows, _ = equations.solved
+    solution = equations.solution
     nparam, nother = len(values), suspect.columns[0].shape[-1]
     weight = solution.weight
     gram = np.zeros((nparam + nother, nparam + nother))
     moment = np.zeros(nparam + nother)
     squares, total = np.zeros(nother), 0.0
-    wide, left = [], []
-    for own, columns, torques in zip(rows, suspect.columns, equations.torques, strict=True):
-        wide.append(np.concatenate([own[..., :nparam], columns], axis=-1))
-        left.append(torques - own[..., :nparam] @ values)
+    wide, left = [], equations.left(values)
+    for own, columns, missed, torques in zip(equations.columns, suspect.columns, left, equations.torques, strict=True):
+        wide.append(np.concatenate([own, columns], axis=-1))
         weighed = np.einsum("ij,wajp->waip", weight, wide[-1])
         gram += np.einsum("waip,waiq->pq", weighed, wide[-1], optimize=True)
-        moment += np.einsum("waip,wai->p", weighed, left[-1])
+        moment += np.einsum("waip,wai->p", weighed, missed)
         squares += (columns**2).sum(axis=(0, 1, 2))
         total += float((torques**2).sum())
     gram[:nparam, :nparam] += solution.prior

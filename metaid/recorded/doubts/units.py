@@ -76,7 +76,7 @@ def _beyond_friction(equations: Equations, joint: int) -> float:
     be some times what another joint is sent; 1 where they are not.
     """
     model = equations.model
-    needed = [(own[..., : model.nbody] @ (equations.scale * model.nominal)) for own in equations.solved[1]]
+    needed = [(own[..., : model.nbody] @ (equations.scale * model.nominal)) for own in equations.columns]
     usual = np.sqrt(np.mean([(each**2).mean(axis=(0, 1)) for each in needed], axis=0))
     sent = np.sqrt(np.mean([(each**2).mean(axis=(0, 1)) for each in equations.torques], axis=0))
     most = FRICTION * max(float(usual[joint]), LIGHT * float(usual.max()))

@@ -121,10 +121,43 @@ class Equations:
         chosen = {name: getattr(other, name) for name in ("zeros", "delay", "scale", "doubt")}
         return replace(self, model=other.model, **chosen)
 
+    @property
+    def solution(self) -> Solution:
+        """What solves the equations of all windows.  Eq. 68."""
+        return self._solved[0]
+
+    @property
+    def columns(self) -> list[Array]:
+        """The averaged torque for a unit of each unknown, at the solution, of each log (nwindow x ntest x njoint x
+        nparam).
+        """
+        return [rows[..., : len(self.model.names)] for rows in self._solved[1]]
+
+    @property
+    def blocks(self) -> Blocks:
+        """The normal equations of each block, at the solution."""
+        return self._solved[2]
+
+    def left(self, values: Array) -> list[Array]:
+        """What unknowns (nparam) leave of the averaged torques of each log (nwindow x ntest x njoint), without what
+        zeros explain.
+        """
+        return [torques - own @ values for own, torques in zip(self.columns, self.torques, strict=True)]
+
+    @property
+    def is_solved(self) -> bool:
+        """Whether they have a solution: of a motor that turns with two joints the rotor may be told from no body where
+        nothing is left of the torques.
+        """
+        try:
+            return bool(self._solved)
+        except np.linalg.LinAlgError:
+            return False
+
     @cached_property
-    def solved(self) -> tuple[Solution, list[Array], Blocks]:
-        """The solution of all windows, the rows that it was found with (one array a log, nwindow x ntest x njoint x
-        nparam + njoint), and the normal equations of its blocks.  Eq. 68.
+    def _solved(self) -> tuple[Solution, list[Array], Blocks]:
+        """The solution, the rows that it was found with (one array a log, nwindow x ntest x njoint x nparam + njoint),
+        and the normal equations of its blocks.
         """
         model, n = self.model, self.model.njoint
         nparam = len(model.names)
@@ -206,8 +239,8 @@ class Equations:
 
     def without(self, *folds: int) -> Solution:
         """The solution without the folds of these numbers, by the columns and weights of all."""
-        solution, _, blocks = self.solved
-        fewer, prior = blocks.without(*folds), solution.prior
+        solution, fewer = self.solution, self.blocks.without(*folds)
+        prior = solution.prior
         values, changes, precision = eliminated(fewer, self._prior_mean, prior, solution.zeros, self.zeros)
         return replace(solution, values=values, precision=precision, zeros=solution.zeros + changes)
 
@@ -221,7 +254,7 @@ class Equations:
     @cached_property
     def apart(self) -> list[Solution]:
         """The same by columns and weights of their own."""
-        return [self._apart_from(fold).solved[0] for fold in self.folds]
+        return [self._apart_from(fold).solution for fold in self.folds]
 
     def _apart_from(self, fold: Fold) -> Equations:
         """The equations of the windows that share no time with a fold."""
@@ -283,6 +316,15 @@ class Equations:
         ]
         return np.concatenate([each.reshape(-1, self.model.njoint) for each in left])
 
+    def beside_zeros(self, torques: Sequence[Array]) -> list[tuple[Array, Array]]:
+        """The columns of each log, and some `torques` of it (nwindow x ntest x njoint), both without what zeros
+        explain.
+        """
+        if not self.zeros:
+            return list(zip(self.columns, torques, strict=True))
+        nparam, weight = len(self.model.names), self.solution.weight
+        return [beside_zeros(own, each, nparam, weight) for own, each in zip(self._solved[1], torques, strict=True)]
+
     @property
     def lags(self) -> int:
         """How many windows an error lasts."""
@@ -292,13 +334,9 @@ class Equations:
         """The covariance of the unknowns (nparam x nparam), whatever the errors of a window are, and though those of
         windows that are less than LASTS s apart belong together.  Eq. 70.
         """
-        solution, rows, _ = self.solved
-        nparam = len(values)
+        solution, nparam = self.solution, len(values)
         scores, readings = [], 0
-        for own, torques in zip(rows, self.torques, strict=True):
-            columns, left = own[..., :nparam], torques - own[..., :nparam] @ values
-            if self.zeros:
-                columns, left = beside_zeros(own, left, nparam, solution.weight)
+        for columns, left in self.beside_zeros(self.left(values)):
             scores.append(np.einsum("wajp,jk,wak->wp", columns, solution.weight, left, optimize=True))
             readings += left.size
         scale = 1.0 / np.sqrt(np.diag(solution.precision))
