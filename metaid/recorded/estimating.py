@@ -42,12 +42,10 @@ class RecordedEstimate:
     """What logs say.
 
     Attributes:
-        names: of the logs.
         model: what is unknown.
         chosen: windows, terms, zeros and delay, and how they were chosen.
         possible: the model that can be, with the unknowns as they are handed over (nparam).
         simulator: the same with what a simulator has alone: viscous and Coulomb friction, and springs.
-        simulator_model: what is unknown of that.
         covariance: of the unknowns, from repetition (nparam x nparam), in their units.
         systematic: standard deviations of what wrong zeros, scales or geometry would change (nparam).
         repeated: the unknowns without each fold (nfold x nparam).
@@ -66,12 +64,10 @@ class RecordedEstimate:
         gains: of the drives, by which the logs' torques were multiplied; None where no payload tells them.
     """
 
-    names: tuple[str, ...]
     model: LinearModel
     chosen: Chosen
     possible: PossibleModel
     simulator: PossibleModel
-    simulator_model: LinearModel
     covariance: Array
     systematic: Array
     repeated: Array
@@ -87,6 +83,11 @@ class RecordedEstimate:
     logs: tuple[Smoothed, ...]
     moved: float
     gains: Gains | None = None
+
+    @property
+    def records(self) -> tuple[Record, ...]:
+        """The logs as they were read."""
+        return tuple(own.record for own in self.logs)
 
     @property
     def values(self) -> Array:
@@ -149,12 +150,10 @@ def estimate_records(
     systematic, lacking = _systematic(equations, logs, possible.values, gains is None)
     factors = scales_of(equations)
     return RecordedEstimate(
-        names=tuple(record.name for record in records),
         model=equations.model,
         chosen=chosen,
         possible=possible,
         simulator=simulator,
-        simulator_model=plain.model,
         covariance=covariance,
         systematic=systematic,
         repeated=repeated,

@@ -155,10 +155,10 @@ def estimate(
             )
         found = estimate_records(records, model, choices, gains)
         facts = tuple(fact.beside(given) for fact in facts_of(found, measured))
-        verdict = judge_records(records, found, [fact.text for fact in facts], given)
+        verdict = judge_records(found, [fact.text for fact in facts], given)
         heard = [smoothed_beside(found.logs, other, found.model) for other in others]
-        validation = tuple((own, other.name, _validated(found, own)) for own, other in zip(heard, others, strict=True))
-    return RecordedResult(plant.name, records, found, verdict, facts, validation, (*chosen_joints, *plant.repairs))
+        validation = tuple((own, _validated(found, own)) for own in heard)
+    return RecordedResult(plant.name, found, verdict, facts, validation, (*chosen_joints, *plant.repairs))
 
 
 def _plant_of(

@@ -90,7 +90,7 @@ def test_what_brakes_bear_is_not_taken_for_what_links_weigh(nominal: Path) -> No
     result = metaid.estimate(logs, nominal, friction=["viscous"], validate=log_of(0, 30, borne=0.8))
     assert result.verdict.is_found
     assert result.estimate.held_out.relative < 0.04
-    ((_, _, beside),) = result.validation
+    ((_, beside),) = result.validation
     assert beside.relative < 0.06
     np.testing.assert_array_equal(beside.of > 0.0, [True, False, False])
     np.testing.assert_allclose(damping_of(result), [0.4, 0.3, 0.2], rtol=0.1)

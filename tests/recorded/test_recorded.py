@@ -59,7 +59,7 @@ def arm() -> Tree:
 
 def estimated(record: Record, model: LinearModel, choices: Choices | None = None) -> RecordedEstimate:
     found = estimate_records([record], model, choices)
-    assert judge_records([record], found).is_found
+    assert judge_records(found).is_found
     return found
 
 
@@ -153,7 +153,7 @@ def test_spring_that_is_left_out_is_suspected_and_widens_the_intervals() -> None
     assert sprung.model.having("spring") == [1]
     assert sprung.values[sprung.model.columns["spring", 1]] == pytest.approx(0.5, rel=0.02)
     found = estimate_records([record], nominal, Choices(friction=("viscous", "coulomb")))
-    verdict, true = judge_records([record], found), chain.lumps_of(("gravity", "coriolis", "inertia")).vector
+    verdict, true = judge_records(found), chain.lumps_of(("gravity", "coriolis", "inertia")).vector
     table = verdict.lumps[: len(true)]
     known = table["determined"].to_numpy()
     assert any("a spring of joint 2" in reason for reason in verdict.reasons)

@@ -40,7 +40,7 @@ VISCOUS, BASE = Choices(friction=("viscous",)), Choices(friction=("viscous", "co
 
 
 def judged(record: Record, model: LinearModel, choices: Choices | None = None) -> RecordedVerdict:
-    found = judge_records([record], estimate_records([record], model, choices))
+    found = judge_records(estimate_records([record], model, choices))
     assert found.is_found
     return found
 
@@ -119,7 +119,7 @@ def test_tiny_motion_tells_nothing(chain_log: tuple[Record, LinearModel, Array])
     """Within 0.02 rad friction holds like a spring and creeps, so nothing is found, however well it is predicted."""
     record, model, _ = chain_log
     tiny = replace(record, angles=0.003 * record.angles)
-    found = judge_records([tiny], estimate_records([tiny], model, Choices(span=0.1, delay=0.0, friction=("viscous",))))
+    found = judge_records(estimate_records([tiny], model, Choices(span=0.1, delay=0.0, friction=("viscous",))))
     assert not found.is_found
     assert "no joint goes farther than 0.00" in found.reasons[0]
 
@@ -168,7 +168,7 @@ def test_zero_that_is_off_by_a_quarter_turn_is_named_with_its_sign(shift: float,
     found = estimate_records(runs, arm_model(wrong_tree(arm, 0)), replace(BASE, delay=0.0))
     facts = facts_of(found)
     assert [fact.option for fact in facts] == [f"--zero shoulder={shift:.4f}"]
-    said = [reason for reason in judge_records(runs, found).reasons if "farther than chance puts it" in reason]
+    said = [reason for reason in judge_records(found).reasons if "farther than chance puts it" in reason]
     assert len(said) == (dry < 1.0)
 
 

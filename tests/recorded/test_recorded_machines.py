@@ -93,7 +93,7 @@ def test_joint_that_is_held_spoils_no_other(shown: float) -> None:
     record = Record("held.csv", times, moving[0], None, torques)
     found = estimated(record)
     assert found.held_out.by_joint[1:].max() < 0.006
-    verdict = judge_records([record], found, [fact.text for fact in facts_of(found)])
+    verdict = judge_records(found, [fact.text for fact in facts_of(found)])
     assert verdict.word == "approximate"
     held = f"{found.model.joints[0]} is held, and its torque counts little: stiction bears what a motor does not show"
     assert held in verdict.reasons
@@ -209,7 +209,7 @@ def test_another_unit_of_all_torques_is_named_and_does_not_bend_the_answer() -> 
     record = arm_log(lambda speeds: 0.2 * speeds)
     ours, milli = estimated(record), estimated(record.with_torques(1e3 * record.torques))
     np.testing.assert_allclose(1e-3 * milli.values, ours.values, atol=0.02 * np.abs(ours.values).max())
-    assert any("mN m? --scale all=0.001" in reason for reason in judge_records([record], milli).reasons)
+    assert any("mN m? --scale all=0.001" in reason for reason in judge_records(milli).reasons)
 
 
 def test_joint_that_nothing_predicts_is_named(rubbed: tuple[Record, RecordedEstimate]) -> None:
@@ -218,7 +218,7 @@ def test_joint_that_nothing_predicts_is_named(rubbed: tuple[Record, RecordedEsti
     random = np.random.default_rng(0).standard_normal((len(record.times) // 100 + 2, 1)) * (0.0, 0.0, 2.0)
     slowly = np.stack([np.interp(record.times, 0.2 * np.arange(len(random)), each) for each in random.T], axis=1)
     other = record.with_torques(record.torques * (1.0, 1.0, 0.0) + slowly)
-    said = [judge_records([each], found).reasons for each, found in (rubbed, (other, estimated(other)))]
+    said = [judge_records(found).reasons for _, found in (rubbed, (other, estimated(other)))]
     last = swinging_arm().names[2]
     sentence = f"more than half of the torque of {last} is not predicted"
     assert [sentence in reasons for reasons in said] == [False, True]
@@ -230,7 +230,7 @@ def test_bodies_known_together_alone_are_handed_over_where_they_predict() -> Non
     found = estimated(record, friction=("viscous",))
     vague = replace(found, covariance=1e14 * found.covariance)
     idle = replace(vague, nominal_held_out=found.held_out)
-    said = [judge_records([record], each) for each in (found, vague, idle)]
+    said = [judge_records(each) for each in (found, vague, idle)]
     assert [each.word for each in said] == ["found", "approximate", "not found"]
     assert "no parameter of the bodies is known to 10% by itself, only what they need together" in said[1].reasons
     assert said[2].reasons[-1].startswith("the log shows nothing of the bodies to better than 10%")
@@ -243,7 +243,7 @@ def test_joint_with_another_motor_constant_is_named_with_what_it_carries() -> No
     factors, asked = np.array([1.0, 0.6, 1.0]), Choices(friction=("viscous",), zeros=False, delay=0.0)
     other = record.with_torques(record.torques * factors)
     found = [estimate_records([each], arm_model(arm), asked) for each in (record, other)]
-    said = [[reason for reason in judge_records([record], each).reasons if "weigh" in reason] for each in found]
+    said = [[reason for reason in judge_records(each).reasons if "weigh" in reason] for each in found]
     assert said[0] == []
     joint = found[1].model.joints[1]
     assert f"so many times that: {joint} 0.6; " in said[1][0]

@@ -40,7 +40,7 @@ def test_motion_that_recurs_is_left_out_wherever_it_does(seconds: tuple[float, .
     ]
     assert np.mean([part == parts[0] for part in parts]) > 0.98
     np.testing.assert_allclose([part.mean(axis=1) for part in parts], 1.0 / 3.0, atol=0.1)
-    reasons = judge_records(records, found).reasons
+    reasons = judge_records(found).reasons
     assert "that were left out wherever their motion recurs are predicted to" in reasons[0]
 
 

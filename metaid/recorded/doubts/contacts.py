@@ -23,9 +23,8 @@ def brief_contact(found: RecordedEstimate) -> Fact | None:
     friction and noise miss a little all the time.
     """
     model, held = found.model, found.held_out
-    moved = sum(float(own.judged.sum()) * own.period for own in found.logs)
     may = ~(model.untrusted | model.passive | found.equations.held) & (held.by_joint > MISSED)
-    if SELDOM * moved < MOMENT or not may.any():
+    if SELDOM * found.moved < MOMENT or not may.any():
         return None
     moments, whole = [], np.zeros(model.njoint)
     for log, own in enumerate(found.logs):
@@ -39,7 +38,7 @@ def brief_contact(found: RecordedEstimate) -> Fact | None:
         for joint in np.flatnonzero(may).tolist():
             begin = int(begins[joint])
             at = begin + int(squares[begin : begin + reach, joint].argmax())
-            moments.append((joint, float(within[begin, joint]), float(own.times[at]), found.names[log]))
+            moments.append((joint, float(within[begin, joint]), float(own.times[at]), own.record.name))
     share, joint, time, name = max((most / max(whole[joint], 1e-300), joint, *at) for joint, most, *at in moments)
     if share < WITHIN:
         return None

@@ -31,7 +31,7 @@ def odd_log(found: RecordedEstimate) -> Fact | None:
             for left_out in ((odd,), ())
         )
         beside = min(beside, found.held_out.without(odd))
-        errors.append((without, beside, ", ".join(found.names[log] for log in fold.logs)))
+        errors.append((without, beside, ", ".join(found.records[log].name for log in fold.logs)))
     without, beside, name = min(errors, key=lambda each: each[0] / max(each[1], 1e-300))
     if not (np.isfinite(without) and without < SPOILS * beside):
         return None

@@ -15,7 +15,6 @@ from metaid.models import COARSEST, DEVIATIONS, Array
 from metaid.recorded.doubts.scales import UNIT
 from metaid.recorded.estimating import RecordedEstimate
 from metaid.recorded.given import ALL, Given, Option, told
-from metaid.recorded.reading.readings import Record
 from metaid.recorded.weak_form.linear_model import LEAST_SLIDE, LEAST_TURN
 from metaid.recorded.weak_form.normal import FAR_ZERO
 
@@ -52,16 +51,13 @@ class RecordedVerdict:
         return self.word != "not found"
 
 
-def judge_records(
-    records: Sequence[Record], found: RecordedEstimate, facts: Sequence[str] = (), given: Given | None = None
-) -> RecordedVerdict:
+def judge_records(found: RecordedEstimate, facts: Sequence[str] = (), given: Given | None = None) -> RecordedVerdict:
     """The verdict on what logs say.
 
     `found` explains what was seen; `approximate` does not, and predicts what was left out better than the nominal
     bodies with fitted friction do.
 
     Args:
-        records: the logs.
         found: what they say.
         facts: what looks wrong, as sentences.
         given: what the user has said of the logs; by default nothing.
@@ -69,7 +65,7 @@ def judge_records(
     determined = _determined(found)
     lumps = _table(found, determined)
     is_known = bool(determined[: found.model.nbody].any())
-    against = tuple(_against(records, found, is_known))
+    against = tuple(_against(found, is_known))
     if against:
         return RecordedVerdict("not found", (*facts, *against, *_far_zeros(found)), lumps)
     told = (*_missed(found), *_held(found), *_without_motor(found), *_carried(found, given))
@@ -105,10 +101,10 @@ def _determined(found: RecordedEstimate) -> NDArray[np.bool_]:
     return np.asarray(found.deviations <= COARSEST * whole, dtype=np.bool_)
 
 
-def _against(records: Sequence[Record], found: RecordedEstimate, is_known: bool) -> Iterator[str]:
+def _against(found: RecordedEstimate, is_known: bool) -> Iterator[str]:
     """What speaks against the model, of which a parameter of the bodies `is_known` by itself or none is."""
     model, held, nominal = found.model, found.held_out, found.nominal_held_out
-    reach = np.max([np.ptp(record.angles, axis=0) for record in records], axis=0)
+    reach = np.max([np.ptp(record.angles, axis=0) for record in found.records], axis=0)
     share = reach / model.least_reach
     if not share.max() >= 1.0:
         farthest = int(share.argmax())
@@ -206,14 +202,14 @@ def _far_zeros(found: RecordedEstimate) -> Iterator[str]:
     if abs(found.zeros[log, joint]) > FAR_ZERO:
         yield (
             f"the zero of joint {found.model.joints[joint]} comes out at {found.zeros[log, joint]:.2g} rad in "
-            f"{found.names[log]}, farther than chance puts it: compare the log's angles with the nominal frames"
+            f"{found.records[log].name}, farther than chance puts it: compare the log's angles with the nominal frames"
         )
 
 
 def _fold(found: RecordedEstimate, number: int) -> str:
     """A part that was left out, in words."""
     fold = found.chosen.yardstick.folds[number]
-    names = ", ".join(str(found.names[log]) for log in fold.logs)
+    names = ", ".join(found.records[log].name for log in fold.logs)
     return names if fold.third is None else f"part {fold.third + 1} of {names}"
 
 

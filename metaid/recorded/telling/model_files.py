@@ -15,7 +15,7 @@ from metaid.recorded.estimating import RecordedEstimate
 def dynamics_of(found: RecordedEstimate) -> Dynamics:
     """How the identified robot moves: bodies for simulators are those with plain friction and springs."""
     tree, friction = found.possible.tree, found.model.friction_at(found.values)
-    plain = found.simulator_model.friction_at(found.simulator.values)
+    plain = found.model.plain.friction_at(found.simulator.values)
     notes = not_in_xml(friction)
     if notes:
         notes = [

@@ -60,7 +60,6 @@ class RecordedResult:
 
     Attributes:
         plant: the name of the nominal robot.
-        records: the logs that were read.
         estimate: what they say.
         verdict: on it.
         facts: what looks wrong in the logs, with the option that mends each.
@@ -69,16 +68,20 @@ class RecordedResult:
     """
 
     plant: str
-    records: tuple[Record, ...]
     estimate: RecordedEstimate
     verdict: RecordedVerdict
     facts: tuple[Fact, ...]
-    validation: tuple[tuple[Smoothed, str, HeldOut], ...]
+    validation: tuple[tuple[Smoothed, HeldOut], ...]
     nominal_repairs: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         predicted = 100.0 * self.estimate.held_out.relative
         return f"<RecordedResult of {self.plant}: {self.verdict.word}, torques left out predicted to {predicted:.3g} %>"
+
+    @property
+    def records(self) -> tuple[Record, ...]:
+        """The logs as they were read."""
+        return self.estimate.records
 
     @property
     def summary(self) -> dict[str, Any]:
@@ -107,8 +110,8 @@ class RecordedResult:
             "held_out": found.held_out.summary,
             "nominal_held_out": found.nominal_held_out.summary,
             "validation": [
-                {"path": name, **{key: held.summary[key] for key in ("torque", "motion")}}
-                for _, name, held in self.validation
+                {"path": own.record.name, **{key: held.summary[key] for key in ("torque", "motion")}}
+                for own, held in self.validation
             ],
             "parameters": json_rows(rows[list(KEYS)]),
             "friction": {
@@ -181,17 +184,16 @@ class RecordedResult:
     def left_out(self) -> list[LeftOut]:
         """All logs, or their thirds, each predicted by what the others say, and logs that nothing was fitted to."""
         found = self.estimate
-        held_out = [(found.chosen.yardstick.logs, found.held_out, found.names)]
-        held_out += [((own,), held, (name,)) for own, name, held in self.validation]
+        held_out = [(found.logs, found.held_out), *(((own,), held) for own, held in self.validation)]
         return [
             LeftOut(
-                names[part.log],
+                logs[part.log].record.name,
                 logs[part.log].times,
                 logs[part.log].acting(found.delay),
                 logs[part.log].predicted(found.model, part.values, part.zeros),
                 part.rows,
             )
-            for logs, held, names in held_out
+            for logs, held in held_out
             for part in held.parts
         ]
 
@@ -203,8 +205,8 @@ class RecordedResult:
         model, tree = found.model, found.possible.tree
         logs, zeros = found.logs, list(found.zeros)
         if self.validation:
-            logs = tuple(own for own, _, _ in self.validation)
-            zeros = [held.parts[0].zeros for _, _, held in self.validation]
+            logs = tuple(own for own, _ in self.validation)
+            zeros = [held.parts[0].zeros for _, held in self.validation]
         squares, whole, rows = np.zeros(model.njoint), np.zeros(model.njoint), 0
         name, bodies = self.model.name, found.values[: model.nbody]
         for own, zero in zip(logs, zeros, strict=True):
