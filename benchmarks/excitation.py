@@ -43,7 +43,7 @@ def true_values(found: Excitation, robot: str | Path, seed: int) -> Array:
         tree = plant.tree
         tree = replace(tree, mass=wrong(tree.mass), rotor=wrong(tree.rotor))
         tree = replace(tree, inertia=tree.inertia * random.uniform(1.0 - WRONG, 1.0 + WRONG, (tree.njoint, 1, 1)))
-        bodies = arm_model(tree, FRICTION)
+        bodies = arm_model(tree).with_friction(FRICTION)
         assert bodies.names == model.names
         values = bodies.nominal
     else:

@@ -60,7 +60,7 @@ def measure(folder: Path, place: Path) -> Iterator[Table | Line]:
         nominal[name].write_text(BELIEVED.format(*inertias), encoding="utf-8")
     logs, arm = [read_log(path) for path in paths], load_plant(nominal["rough"])
     assert isinstance(arm, ArmPlant)
-    classic = arm_model(arm.tree, CLASSIC, coupled=((0, 1),)).with_still(np.full(2, STILL))
+    classic = arm_model(arm.tree).with_friction(CLASSIC).with_coupled(((0, 1),)).with_still(np.full(2, STILL))
     bodies = {f"{name} bodies": mujoco.MjModel.from_xml_path(str(path)) for name, path in nominal.items()}
     printed, joints = [], [of_joints(log) for log in logs]
     for other, run in enumerate(RUNS):

@@ -54,7 +54,7 @@ def measure(folder: Path, place: Path) -> Iterator[Table | Line]:
         load_plant(folder / URDF),
     )
     assert isinstance(arm, ArmPlant)
-    classic = arm_model(arm.tree, CLASSIC).with_still(np.full(NJOINT, STILL))
+    classic = arm_model(arm.tree).with_friction(CLASSIC).with_still(np.full(NJOINT, STILL))
     printed = []
     for learned, others in (([0, 1], [2]), ([2], [0, 1])):
         runs, tests = ([logs[number] for number in each] for each in (learned, others))

@@ -199,7 +199,7 @@ def arm_and_terms(nominal: Path, gravity: Sequence[float] | None = None) -> tupl
     if gravity is not None:
         plain.opt.gravity[:] = gravity
         tree = replace(tree, gravity=np.array(gravity))
-    return plain, arm_model(tree, CLASSIC).with_still(np.full(tree.njoint, STILL))
+    return plain, arm_model(tree).with_friction(CLASSIC).with_still(np.full(tree.njoint, STILL))
 
 
 def in_turn(

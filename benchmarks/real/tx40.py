@@ -222,7 +222,7 @@ def measure(folder: Path, place: Path) -> Iterator[Table | Line]:
     ours = {ending: by_files(robot, paths) for ending, paths in files.items()}
     arm = load_plant(urdf)
     assert isinstance(arm, ArmPlant)
-    usual = arm_model(arm.tree, coupled=(COUPLED,)).with_still(np.full(6, 0.02))
+    usual = arm_model(arm.tree).with_coupled((COUPLED,)).with_still(np.full(6, 0.02))
     terms = {name: [usual.with_friction(each)] * 3 for name, each in TERMS.items()}
     others = list(rivals(robot, terms | {"metaid's terms": own}))
     found: list[Found] = [(f"metaid, {ending}", *errors) for ending, errors in ours.items()]

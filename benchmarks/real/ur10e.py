@@ -137,7 +137,7 @@ def measure(folder: Path, place: Path) -> Iterator[Table | Line]:
     found["published, own gains"] = published_error(plain, read_published(folder / "UR10E_parameters.txt"), tests)
     arm = load_plant(urdf)
     assert isinstance(arm, ArmPlant)
-    classic = arm_model(arm.tree, CLASSIC).with_still(np.full(6, STILL))
+    classic = arm_model(arm.tree).with_friction(CLASSIC).with_still(np.full(6, STILL))
     others = rivals({"classic terms": classic, "metaid's terms": terms}, [learned], tests)
     found |= {f"least squares, {name}, {how}": each for name, (how, each) in others.items()}
     found |= recipes(classic, [learned], tests)

@@ -108,11 +108,10 @@ def estimate(
             if term not in TERMS:
                 raise RecordError(f"friction: {unknown('term', term, TERMS)}")
         choices = replace(choices, friction=tuple(friction))
-    model = model_of(
-        plant, coupled=tuple(_joints(pair, plant.njoint) for pair in coupled) or plant.couples, gravity=gravity
-    )
+    pairs = [_joints(pair, plant.njoint) for pair in coupled] or plant.couples
+    model = model_of(plant, gravity)
     measured = absolute_of(model, absolute)
-    model = model.with_coupled(tuple(dict.fromkeys((*model.sliding.coupled, *measured.coupled))))
+    model = model.with_coupled(tuple(dict.fromkeys((*pairs, *measured.coupled))))
     model = replace(model, untrusted=_chosen("untrusted", untrusted, model))
     many = [log for log in _with_shipped(logs) if not any(_is_same(log, each.log) for each in payloads)]
     if not many:

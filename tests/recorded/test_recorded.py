@@ -101,7 +101,7 @@ def test_log_of_an_arm_tells_its_base_parameters_and_friction(arm: Tree, noise: 
         shared = together * np.sign(speeds[:, 1:2] + speeds[:, 2:3]) * np.array([0.0, 1.0, 1.0])
         return damping * speeds + root * np.sign(speeds) * np.sqrt(np.abs(speeds)) + offset + shared
 
-    model = arm_model(wrong_tree(arm, 0), coupled=((1, 2),))
+    model = arm_model(wrong_tree(arm, 0)).with_coupled(((1, 2),))
     asked = Choices(friction=("viscous", "coulomb", "root", "offset"), zeros=False)
     found = estimated(log_of(arm, noise=noise, extra=friction, seconds=5.0), model, asked)
     model = found.model

@@ -107,10 +107,10 @@ class Check:
         torques: Callable[[Array], Array] = lambda sent: sent,
     ) -> Check:
         """The same with other `windows`, and other `torques` of the joints (nrow x njoint)."""
-        parts = [
-            replace(part, windows=windows(part.windows), record=part.record.with_torques(torques(part.record.torques)))
-            for part in self.equations.parts
-        ]
+        parts = []
+        for part in self.equations.parts:
+            record = part.smoothed.record.with_torques(torques(part.smoothed.record.torques))
+            parts.append(replace(part, windows=windows(part.windows), smoothed=replace(part.smoothed, record=record)))
         return replace(self, equations=replace(self.equations, parts=tuple(parts)))
 
 
@@ -239,7 +239,7 @@ def suspected(check: Check) -> Iterator[Suspected]:
                 continue
             option = gravity_option(direction)
             if option not in check.leaning:
-                check.leaning[option] = arm_model(replace(tree, gravity=direction), model.friction)
+                check.leaning[option] = arm_model(replace(tree, gravity=direction)).with_friction(model.friction)
             other = check.leaning[option].with_coupled(model.sliding.coupled).with_still(model.sliding.still)
             other = replace(other, untrusted=model.untrusted)
             text = "gravity points elsewhere in the frame of the base"

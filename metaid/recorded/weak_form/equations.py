@@ -360,7 +360,7 @@ def equations_of(logs: Sequence[Smoothed], model: LinearModel, span: float, powe
         windows = cut_windows(own.record, span, power)
         if windows is None or len(windows) < THIRDS:
             return None
-        parts.append(Part(log, own.record, windows, own))
+        parts.append(Part(log, windows, own))
     equations = Equations(tuple(parts), model, False, nlog=len(parts))
     return equations if equations.is_enough else None
 

@@ -28,19 +28,16 @@ SPREAD = 0.3  # standard deviation of a nominal lump, as a share of it
 UNKNOWN_ROTOR = 5.0  # prior deviation of rotors, as `PriorDeviations` has it: a URDF knows nothing of gears
 
 
-def model_of(
-    plant: SimulatedPlant, coupled: tuple[tuple[int, int], ...] = (), gravity: Sequence[float] | None = None
-) -> LinearModel:
-    """That of a nominal robot with plain friction, of which pairs of joints, from 0 on, have `coupled` motors; with
-    `gravity` in the frame of the base, in m/s², in place of an arm's own.  Raises RecordError where a planar chain says
-    its own.
+def model_of(plant: SimulatedPlant, gravity: Sequence[float] | None = None) -> LinearModel:
+    """That of a nominal robot with plain friction; with `gravity` in the frame of the base, in m/s², in place of an
+    arm's own.  Raises RecordError where a planar chain says its own.
     """
     if not isinstance(plant, MujocoPlant):
         tree = plant.tree if gravity is None else replace(plant.tree, gravity=np.asarray(gravity, dtype=np.float64))
-        return arm_model(tree, coupled=coupled)
+        return arm_model(tree)
     if gravity is not None:
         raise RecordError("gravity: a planar chain says its own in its plant file (allowed: of an MJCF or URDF)")
-    return chain_model(plant.chain, plant.gravity).with_coupled(coupled)
+    return chain_model(plant.chain, plant.gravity)
 
 
 def chain_model(chain: Chain, gravity: float) -> LinearModel:
@@ -89,18 +86,8 @@ def chain_model(chain: Chain, gravity: float) -> LinearModel:
     ).with_friction(BASE)
 
 
-def arm_model(
-    tree: Tree,
-    friction: tuple[str, ...] = BASE,
-    coupled: tuple[tuple[int, int], ...] = (),
-) -> LinearModel:
-    """That of an arm, its base parameters unknown, rotors among them.
-
-    Args:
-        tree: the nominal arm.
-        friction: the terms of every joint.
-        coupled: pairs of joints, from 0 on, whose motors are coupled.
-    """
+def arm_model(tree: Tree) -> LinearModel:
+    """That of a nominal arm, its base parameters unknown, rotors among them."""
     prior = ArmPrior(tree, PriorDeviations(rotor=UNKNOWN_ROTOR))
     kept = prior.base.columns % len(PARAMETERS) < RIGID
     columns = prior.base.columns[kept]
@@ -136,8 +123,8 @@ def arm_model(
         joints=tuple(tree.names),
         slides=tree.slides,
         friction=(),
-        sliding=Sliding.at_once(np.full(tree.njoint, STILL), coupled),
+        sliding=Sliding.at_once(np.full(tree.njoint, STILL)),
         untrusted=np.zeros(tree.njoint, dtype=np.bool_),
         passive=np.zeros(tree.njoint, dtype=np.bool_),
         prior=prior,
-    ).with_friction(friction)
+    ).with_friction(BASE)

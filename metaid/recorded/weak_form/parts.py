@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from metaid.models import Array
-from metaid.recorded.reading.readings import Record
 from metaid.recorded.weak_form.linear_model import LinearModel
 from metaid.recorded.weak_form.smoothed import Smoothed
 from metaid.recorded.weak_form.windows import Windows
@@ -26,13 +25,11 @@ class Part:
 
     Attributes:
         log: which of the logs.
-        record: the log.
         windows: of it.
-        smoothed: its angles on a regular grid, from which the state of dry friction follows.
+        smoothed: the log on a regular grid, from whose angles the state of dry friction follows.
     """
 
     log: int
-    record: Record
     windows: Windows
     smoothed: Smoothed
 
@@ -53,7 +50,7 @@ class Part:
 
     def torques(self, delay: float) -> Array:
         """The averaged torques (nwindow x ntest x njoint), in N m or N, `delay` in s later than they are logged."""
-        return self.windows.torques(self.record, delay) * self.smoothed.share
+        return self.windows.torques(self.smoothed.record, delay) * self.smoothed.share
 
     def _averaged(self, model: LinearModel, zeros: Array) -> Array:
         """The averaged torque for a unit of each of the bodies' unknowns (nwindow x ntest x njoint x nbody), kept for
