@@ -34,7 +34,7 @@ from metaid.recorded.doubts.odd_logs import odd_log
 from metaid.recorded.doubts.units import units_of
 from metaid.recorded.estimating import RecordedEstimate
 from metaid.recorded.given import Option
-from metaid.recorded.weak_form.equations import Equations, first_equations
+from metaid.recorded.weak_form.equations import first_equations
 from metaid.recorded.weak_form.normal import FAR_ZERO
 
 WINDOWS = ((0.2, 6), (0.3, 8), (0.1, 5), (0.5, 10))  # length in s and degree, the first that fit
@@ -59,41 +59,35 @@ def facts_of(found: RecordedEstimate, measured: Absolute | None = None) -> tuple
         return (odd,)
     dead = found.model.passive & ~found.equations.held & (found.held_out.by_joint > DRIVEN)
     driven = tuple(_driven(name) for name in np.array(found.model.joints)[dead].tolist())
-    equations = _thinned(found)
-    named = driven if equations is None else (*_confirmed(equations, found, measured), *driven)
+    check = _thinned(found, absolute_of(found.model) if measured is None else measured)
+    named = driven if check is None else (*_confirmed(check, found), *driven)
     contact = None if named else brief_contact(found)
     return named if contact is None else (contact,)
 
 
-def _confirmed(equations: Equations, found: RecordedEstimate, measured: Absolute | None) -> tuple[Fact, ...]:
+def _confirmed(check: Check, found: RecordedEstimate) -> tuple[Fact, ...]:
     """The same, without what bodies that are a guess make seem so: it is not named where these are doubted."""
-    named, doubt = _named(equations, found, measured), found.equations.doubt
+    named, doubt = _named(check, found), found.equations.doubt
     if not named or doubt == 1.0:
         return named
-    doubted = {fact.options for fact in _named(replace(equations, doubt=doubt), found, measured)}
+    doubting = replace(check, equations=replace(check.equations, doubt=doubt))
+    doubted = {fact.options for fact in _named(doubting, found)}
     return tuple(fact for fact in named if fact.options in doubted)
 
 
-def _named(equations: Equations, found: RecordedEstimate, measured: Absolute | None) -> tuple[Fact, ...]:
-    """What looks wrong, beside joints that seem to have a motor.
-
-    Args:
-        equations: few windows of the logs.
-        found: what they say.
-        measured: how they measure the robot; by default its joints.
-    """
-    check = Check(equations, found.fastest, absolute_of(found.model) if measured is None else measured)
+def _named(check: Check, found: RecordedEstimate) -> tuple[Fact, ...]:
+    """What looks wrong in few windows of the logs, beside joints that seem to have a motor."""
     usual = check.left()
     falling = falling_torques(check, usual)
     if falling.any():
-        model = replace(equations.model, untrusted=equations.model.untrusted | falling)
-        return (named_as_falling(check, falling), *_named(replace(equations, model=model), found, measured))
+        model = replace(check.equations.model, untrusted=check.equations.model.untrusted | falling)
+        return (named_as_falling(check, falling), *_named(check.with_model(model), found))
     units = units_of(check)
     turned = _turned(found)
     if usual.max() < WRONG and not units:
         return turned
     every = [each for each in suspected(check) if each.check.equations.is_solved]
-    worth, mended = [], {}
+    worth = []
     for each in every:
         # It may be what is wrong that looks like another unit of all torques.
         other = each.check.with_scale() if found.scale != 1.0 or usual.max() > LOST else each.check
@@ -101,26 +95,25 @@ def _named(equations: Equations, found: RecordedEstimate, measured: Absolute | N
         is_zero = name == "zero"
         left = other.left(usual, is_zero)
         if improvement(left, usual, is_zero) < (SELDOM if name == "gravity" else NAMED):
-            worth.append(_fact([each], together(left, usual)))
-            mended[each.options] = other
-    worth.sort(key=lambda fact: fact.left)
+            worth.append(each._replace(check=other, left=together(left, usual)))
+    worth.sort(key=lambda each: each.left)
     least = worth[0].left if worth else 1.0
     both = _both(every, usual, BOTH * least) if least * usual.max() > LOST else None
     if both is not None:
         return (both,)
-    if any(fact.options in (SIGNS, *(each.options for each in turned)) for fact in worth):
+    if any(each.options in (SIGNS, *(fact.options for fact in turned)) for each in worth):
         turned = ()  # which of the two it is, is known
     if worth and units:
         factors = np.array([units[joint][0] if joint in units else 1.0 for joint in range(len(usual))])
         if together(check.with_torques(factors).left(), usual) <= worth[0].left:
             worth = []  # which another unit makes seem so
         else:  # of joints that are still in another unit once what tells most is mended
-            units = units_of(mended[worth[0].options])
-    telling = [fact for fact in worth if fact.left < worth[0].left * ALIKE][:2] if usual.max() >= WRONG else []
-    telling = told_apart(telling, {fact.options: mended[fact.options] for fact in telling})
-    if telling and telling[0].options[-1].number != np.pi and opposed(mended[telling[0].options]) < MOSTLY:
+            units = units_of(worth[0].check)
+    alike = [each for each in worth if each.left < worth[0].left * ALIKE][:2] if usual.max() >= WRONG else []
+    telling = told_apart(alike)
+    if telling and telling[0].options[-1].number != np.pi and opposed(telling[0].check) < MOSTLY:
         turned = ()  # which what is mended made seem so: a half turn is as gravity that points the other way
-    return (*(fact for _, fact in units.values()), *turned, *telling)
+    return (*(fact for _, fact in units.values()), *turned, *(each.fact for each in telling))
 
 
 def _driven(name: str) -> Fact:
@@ -152,11 +145,6 @@ def _turned(found: RecordedEstimate) -> tuple[Fact, ...]:
     return (Fact((text, (option,), ", or the torques of all joints have the opposite sign, ", SIGNS)),)
 
 
-def _fact(mended: Sequence[Suspected], left: float) -> Fact:
-    options = tuple(option for each in mended for option in each.options)
-    return Fact((f"{', and '.join(each.text for each in mended)}: ", options), left)
-
-
 def _both(every: Sequence[Suspected], usual: Array, below: float) -> Fact | None:
     """The two of all that may be wrong that leave least at once, whatever the unit of all torques is then; None where
     none leaves less than `below`, in a possible model or in the free fit, which leaves less.
@@ -168,23 +156,27 @@ def _both(every: Sequence[Suspected], usual: Array, below: float) -> Fact | None
     """
     first = sorted(every, key=lambda each: together(each.check.free, usual))[:FIRST]
     pairs = {
-        frozenset((one.options, other.options)): (one, other)
+        frozenset((one.options, other.options)): other._replace(
+            text=f"{one.text}, and {other.text}", options=(*one.options, *other.options)
+        )
         for one in first
         for other in suspected(one.check)
-        if one.options[0].of != other.options[0].of
+        if one.of != other.of
     }
-    solved = [pair for pair in pairs.values() if pair[1].check.equations.is_solved]
-    best = sorted(solved, key=lambda pair: together(pair[1].check.free, usual))[:TRIED]
-    scaled = [(pair, pair[1].check.with_scale()) for pair in best]
+    solved = [pair for pair in pairs.values() if pair.check.equations.is_solved]
+    best = sorted(solved, key=lambda pair: together(pair.check.free, usual))[:TRIED]
+    scaled = [pair._replace(check=pair.check.with_scale()) for pair in best]
     tried = [
-        _fact(pair, together(check.left(), usual)) for pair, check in scaled if together(check.free, usual) < below
+        pair._replace(left=together(pair.check.left(), usual)).fact
+        for pair in scaled
+        if together(pair.check.free, usual) < below
     ]
     return min((fact for fact in tried if fact.left < below), key=lambda fact: fact.left, default=None)
 
 
-def _thinned(found: RecordedEstimate) -> Equations | None:
-    """Equations of few windows with the plainest friction; None where there are too few. Nothing is held against the
-    torque of a joint that is held.
+def _thinned(found: RecordedEstimate, measured: Absolute) -> Check | None:
+    """Few windows of logs that are `measured` so, with the plainest friction; None where there are too few. Nothing is
+    held against the torque of a joint that is held.
     """
     model = found.model.with_friction(("viscous", "coulomb", "offset"))
     # What is wrong moves the zeros that are fitted beside it, too.
@@ -200,4 +192,5 @@ def _thinned(found: RecordedEstimate) -> Equations | None:
         moved = replace(few, coordinates=few.coordinates + zeros[part.log])
         parts.append(replace(part, windows=moved))
     trusted = replace(model, untrusted=model.untrusted | every.held)
-    return replace(every, model=trusted, parts=tuple(parts), scale=found.scale, delay=found.delay)
+    few_windows = replace(every, model=trusted, parts=tuple(parts), scale=found.scale, delay=found.delay)
+    return Check(few_windows, found.fastest, measured)

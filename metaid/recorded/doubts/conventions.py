@@ -7,7 +7,7 @@ hangs or leans.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -144,31 +144,36 @@ class Fact:
 
 
 class Suspected(NamedTuple):
-    """Something that may be wrong, in words, the `options` that mend it, and the `check` of logs that are mended."""
+    """Something that may be wrong, in words, the `options` that mend it, the `check` of logs that are mended, and what
+    is `left` of the unexplained torque then, where that is known.
+    """
 
     text: str
     options: tuple[Option, ...]
     check: Check
+    left: float = np.nan
+
+    @property
+    def of(self) -> tuple[str, str]:
+        """What is wrong then: two that are of the same are one or the other."""
+        return self.options[0].of
+
+    @property
+    def fact(self) -> Fact:
+        return Fact((f"{self.text}: ", self.options), self.left)
 
 
-def told_apart(facts: Sequence[Fact], mended: Mapping[tuple[Option, ...], Check]) -> list[Fact]:
-    """Facts without those of the same thing that another explains as well: where nominal bodies need the opposite of
-    what more joints carry, bodies are found that are upside down. What that does not tell is said as one or the other.
-
-    Args:
-        facts: that explain alike, the most telling first.
-        mended: the check by the options of each.
+def told_apart(alike: Sequence[Suspected]) -> list[Suspected]:
+    """Those that explain `alike`, the most telling first, without those of the same thing that another explains as
+    well: where nominal bodies need the opposite of what more joints carry, bodies are found that are upside down. What
+    that does not tell is said as one or the other.
     """
-    kept: list[Fact] = []
-    least: dict[tuple[str, str], float] = {}
-    shares = {options: opposed(check) for options, check in mended.items()}
-    for (option, *_), share in shares.items():
-        least[option.of] = min(share, least.get(option.of, share))
-    for fact in facts:
-        what = fact.options[0].of
-        if shares[fact.options] == least[what]:
-            is_other = any(each.options[0].of == what for each in kept)
-            kept.append(replace(fact, advice=("or ", *fact.advice)) if is_other else fact)
+    kept: list[Suspected] = []
+    shares = [opposed(each.check) for each in alike]
+    for each, share in zip(alike, shares, strict=True):
+        if share == min(other for same, other in zip(alike, shares, strict=True) if same.of == each.of):
+            is_other = any(other.of == each.of for other in kept)
+            kept.append(each._replace(text=f"or {each.text}") if is_other else each)
     return kept
 
 
