@@ -11,6 +11,8 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import pandas as pd
+
 from metaid.errors import RecordError, first_of, joints_of
 from metaid.recorded.reading import units
 from metaid.recorded.reading.formats import Table
@@ -23,11 +25,12 @@ BESIDE_CLOCKS = ("header", "field", "host", "ros", "unix", "data", "log")
 MOST_NAMED = 3  # words of columns that may be torques, too
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Understood:
-    """Which columns are what.
+    """A table of which it is known which columns are what.
 
     Attributes:
+        table: the table.
         times: the column of the times, or those of s and ns.
         unit: of the times, where its name says so.
         kinds: of angle, speed and torque the columns, joint by joint; none where no joint has one, and an empty name of
@@ -37,6 +40,7 @@ class Understood:
         others: words of columns that may be torques, too, and are not read.
     """
 
+    table: Table
     times: tuple[str, ...]
     unit: str | None
     kinds: dict[str, tuple[str, ...]]
@@ -44,10 +48,16 @@ class Understood:
     factors: dict[str, float]
     others: tuple[str, ...] = ()
 
-    @property
-    def wanted(self) -> list[str]:
+    def load(self) -> pd.DataFrame:
         """All columns that are read."""
-        return list(dict.fromkeys([*self.times, *(each for own in self.kinds.values() for each in own if each)]))
+        wanted = dict.fromkeys([*self.times, *(each for own in self.kinds.values() for each in own if each)])
+        return self.table.load(list(wanted))
+
+    def on_rate(self, rate: float) -> Understood:
+        """The same of a table without times that has so many rows a second.  Raises RecordError where it has times."""
+        if self.times:
+            raise RecordError(f"{self.table.name}: has times, in '{self.times[0]}' (allowed: --rate for logs without)")
+        return replace(self, table=self.table.on_rate(rate), times=("time",), unit="s")
 
 
 @dataclass(frozen=True)
@@ -115,7 +125,7 @@ def understood(table: Table, joints: Sequence[str], mapping: Mapping[str, str]) 
     if idle:
         text = f"no torque of {joints_of(idle)}: it is 0, as without a motor"
         notes += (Repair("torque", len(idle), text),)
-    return Understood(times, unit, kinds, (*table.notes, *notes), factors, others)
+    return Understood(table, times, unit, kinds, (*table.notes, *notes), factors, others)
 
 
 def angles_named(table: Table, joints: Sequence[str]) -> dict[str, str]:

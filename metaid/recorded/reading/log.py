@@ -18,9 +18,9 @@ from metaid.errors import RecordError
 from metaid.models import Array
 from metaid.recorded.reading.clock import on_true_clock
 from metaid.recorded.reading.columns import Understood, joints_beside, understood
-from metaid.recorded.reading.formats import Table, tables_of
+from metaid.recorded.reading.formats import tables_of
 from metaid.recorded.reading.gaps import runs_of
-from metaid.recorded.reading.merging import Pieces, lacking, merged, sampled_at
+from metaid.recorded.reading.merging import lacking, merged, sampled_at
 from metaid.recorded.reading.nameless import called_as_file, refusal
 from metaid.recorded.reading.plausible import refuse_few_rows, refuse_implausible
 from metaid.recorded.reading.readings import Record, counted
@@ -56,28 +56,18 @@ class Intake:
     needs_torques: bool = True
     rate: float | None = None
 
-    def pieces(self, log: str | Path | pd.DataFrame, number: int) -> list[tuple[Table, Understood]]:
-        """The tables in a log, of a bag one a topic, and what their columns are; a frame has its `number` as its name.
-        Raises as `every_run`.
-        """
+    def pieces(self, log: str | Path | pd.DataFrame, number: int) -> list[Understood]:
+        """The tables in a log, of a bag one a topic; a frame has its `number` as its name.  Raises as `every_run`."""
         tables = [called_as_file(table, len(self.joints)) for table in tables_of(log, number, self.topic)]
-        pieces = [(table, understood(table, self.joints, self.columns)) for table in tables]
-        return pieces if self.rate is None else [self._timed(*piece, self.rate) for piece in pieces]
+        pieces = [understood(table, self.joints, self.columns) for table in tables]
+        return pieces if self.rate is None else [piece.on_rate(self.rate) for piece in pieces]
 
-    @staticmethod
-    def _timed(table: Table, columns: Understood, rate: float) -> tuple[Table, Understood]:
-        """A table without times that has so many rows a second.  Raises RecordError where it has times."""
-        if columns.times:
-            raise RecordError(f"{table.name}: has times, in '{columns.times[0]}' (allowed: --rate for logs without)")
-        table = table.on_rate(rate)
-        return table, replace(columns, times=table.columns[:1], unit="s")
-
-    def run_of(self, pieces: Pieces) -> tuple[Record, ...]:
+    def run_of(self, pieces: Sequence[Understood]) -> tuple[Record, ...]:
         """The runs in tables, of which one has all that is needed, or all together.  Raises RecordError."""
-        table, columns = self._complete(pieces)
-        readings = in_seconds(self._measured(table, columns), columns.unit)
+        piece = self._complete(pieces)
+        readings = in_seconds(self._measured(piece), piece.unit)
         refuse_few_rows(readings)
-        name = Path(table.name).name
+        name = Path(piece.table.name).name
         parts = begins_again(readings)
         if len(parts) > 1:
             text = f"the clock was set back {counted(len(parts) - 1, 'time')}: {len(parts)} runs"
@@ -85,16 +75,15 @@ class Intake:
         runs = [run for part in parts for run in self._runs(part)]
         return tuple(replace(run, name=f"{name}[{i}]" if len(runs) > 1 else name) for i, run in enumerate(runs, 1))
 
-    def _complete(self, every: Pieces) -> tuple[Table, Understood]:
+    def _complete(self, every: Sequence[Understood]) -> Understood:
         """The one table that has all that is needed, or what all make together.  Raises RecordError."""
         whole = [piece for piece in every if lacking([piece], self.needs_torques) is None]
         if len(whole) == 1:
             return whole[0]
         if whole:
-            names = ", ".join(str(table.topic) for table, _ in whole)
-            raise RecordError(f"{whole[0][0].name}: several have all that is needed (allowed: --topic, of {names})")
-        table, _ = every[0]
-        missing = lacking(every, self.needs_torques)
+            names = ", ".join(str(piece.table.topic) for piece in whole)
+            raise RecordError(f"{whole[0].table.name}: several have all that is needed (allowed: --topic, of {names})")
+        table, missing = every[0].table, lacking(every, self.needs_torques)
         if missing is None:
             return merged(every)
         if table.is_nameless:
@@ -107,26 +96,25 @@ class Intake:
             f"time, of each of {len(self.joints)} joints angle_1, torque_1 and perhaps speed_1; or {told})"
         )
 
-    def _measured(self, table: Table, columns: Understood) -> Record:
+    def _measured(self, piece: Understood) -> Record:
         """The cells of a table as numbers; where all torques are 0, those of others that may be torques and are not."""
-        readings = self._numbers(table, columns)
-        for word in columns.others if self.needs_torques and not readings.torques.any() else ():
-            other = self._numbers(table, understood(table, self.joints, {**self.columns, word: "torque"}))
+        readings = self._numbers(piece)
+        for word in piece.others if self.needs_torques and not readings.torques.any() else ():
+            other = self._numbers(understood(piece.table, self.joints, {**self.columns, word: "torque"}))
             if other.torques.any():
                 return other.repaired("torque", 1, f"torques are 0: {word} is read instead, as by --map {word}=torque")
         return readings
 
-    def _numbers(self, table: Table, columns: Understood) -> Record:
+    def _numbers(self, piece: Understood) -> Record:
         """The cells of a table as numbers, NaN where a cell has none."""
-        frame = table.load(columns.wanted)
-        names, factors = columns.kinds, columns.factors
+        frame, names, factors = piece.load(), piece.kinds, piece.factors
         angles = _numbers(frame, names["angle"], factors)
         speeds = _numbers(frame, names["speed"], factors) if any(names["speed"]) else None
         torques = _numbers(frame, names["torque"] or [""] * len(self.joints), factors)
         if self.untrusted is not None:
             torques[:, self.untrusted] = 0.0
-        times = numeric_times([frame[each] for each in columns.times])
-        return Record(table.name, times, angles, speeds, torques, columns.notes, names=names)
+        times = numeric_times([frame[each] for each in piece.times])
+        return Record(piece.table.name, times, angles, speeds, torques, piece.notes, names=names)
 
     def _runs(self, readings: Record) -> list[Record]:
         """The runs of a log, repaired, in the order of time, and plausible."""
@@ -222,7 +210,7 @@ def every_run(intake: Intake, logs: Iterable[str | Path | pd.DataFrame], first: 
         MissingExtraError: a package for its format is not installed.
     """
     runs: list[Record] = []
-    waiting: list[tuple[Table, Understood]] = []
+    waiting: list[Understood] = []
     for number, log in enumerate(logs, first):
         waiting += intake.pieces(log, number)
         if lacking(waiting, intake.needs_torques) is None:

@@ -20,52 +20,48 @@ from metaid.recorded.reading.mapping import KINDS
 from metaid.recorded.reading.readings import Repair, counted
 from metaid.recorded.reading.times import numeric_times
 
-Pieces = Sequence[tuple[Table, Understood]]
 
-
-def lacking(pieces: Pieces, needs_torques: bool) -> str | None:
+def lacking(pieces: Sequence[Understood], needs_torques: bool) -> str | None:
     """The first kind of readings, or `time`, that no table has; None where all that is needed is there."""
-    if not any(columns.times for _, columns in pieces):
+    if not any(piece.times for piece in pieces):
         return "time"
     needed = ("angle", "torque") if needs_torques else ("angle",)
-    return next((kind for kind in needed if not any(columns.kinds[kind] for _, columns in pieces)), None)
+    return next((kind for kind in needed if not any(piece.kinds[kind] for piece in pieces)), None)
 
 
-def merged(pieces: Pieces) -> tuple[Table, Understood]:
+def merged(pieces: Sequence[Understood]) -> Understood:
     """The table that several make.  Raises RecordError where their times have nothing in common."""
-    owners = {kind: [piece for piece in pieces if piece[1].kinds[kind]][:1] for kind in KINDS}
-    base, columns = owners["angle"][0]
-    used = list({id(table): (table, own) for kind in KINDS for table, own in owners[kind]}.values())
-    frames = {id(table): table.load(own.wanted) for table, own in [*pieces]}
-    clock, clocked = next(piece for piece in ((base, columns), *pieces) if piece[1].times)
-    rows = len(frames[id(base)])
-    if clock is not base and len(frames[id(clock)]) != rows:
-        raise RecordError(f"{base.name}: no times, and {rows:,} rows where {clock.name} has others (allowed: as many)")
-    every = [(table, own) for table, own in used if own.times and table is not clock]
-    split = _times([[frames[id(table)][each] for each in own.times] for table, own in ((clock, clocked), *every)])
-    times = split[0]
-    found: dict[str, Array | pd.Series] = {"time": times}
-    for kind in KINDS:
-        for table, own in owners[kind]:
-            read = frames[id(table)][[each for each in own.kinds[kind] if each]]
-            others = [each for each, _ in every]
-            if table in others:
-                sampled = sampled_at(times, split[1 + others.index(table)], read, kind == "torque")
-                found |= dict(zip(read.columns, sampled.T, strict=True))
-            elif len(read) == rows:
-                found |= {str(name): read[name].reset_index(drop=True) for name in read.columns}
-            else:
-                raise RecordError(f"{table.name}: no times, and {len(read):,} rows (allowed: {rows:,}, as {base.name})")
+    owners = {kind: piece for kind in KINDS for piece in reversed(pieces) if piece.kinds[kind]}
+    base, used = owners["angle"], list(dict.fromkeys(owners.values()))
+    frames = {piece: piece.load() for piece in pieces}
+    clock = next(piece for piece in (base, *pieces) if piece.times)
+    rows, named = len(frames[base]), base.table.name
+    if clock is not base and len(frames[clock]) != rows:
+        raise RecordError(
+            f"{named}: no times, and {rows:,} rows where {clock.table.name} has others (allowed: as many)"
+        )
+    timed = [clock, *(piece for piece in used if piece.times and piece is not clock)]
+    times = dict(zip(timed, _times([[frames[each][name] for name in each.times] for each in timed]), strict=True))
+    found: dict[str, Array | pd.Series] = {"time": times[clock]}
+    for kind, piece in owners.items():
+        read = frames[piece][[each for each in piece.kinds[kind] if each]]
+        if piece in times and piece is not clock:
+            sampled = sampled_at(times[clock], times[piece], read, kind == "torque")
+            found |= dict(zip(read.columns, sampled.T, strict=True))
+        elif len(read) == rows:
+            found |= {str(name): read[name].reset_index(drop=True) for name in read.columns}
+        else:
+            raise RecordError(f"{piece.table.name}: no times, and {len(read):,} rows (allowed: {rows:,}, as {named})")
     frame = pd.DataFrame(found)
     if frame[[*found]].isna().any(axis=1).all():
-        raise RecordError(f"{base.name}: no time in common with {', '.join(table.name for table, _ in used[1:])}")
-    name = " + ".join(dict.fromkeys(Path(table.name).name for table, _ in used))
-    kinds = {kind: owners[kind][0][1].kinds[kind] if owners[kind] else () for kind in KINDS}
-    notes = tuple(note for _, own in used for note in own.notes)
+        raise RecordError(f"{named}: no time in common with {', '.join(piece.table.name for piece in used[1:])}")
+    kinds = {kind: owners[kind].kinds[kind] if kind in owners else () for kind in KINDS}
+    notes = tuple(note for piece in used for note in piece.notes)
     notes += (Repair("merged", len(used), f"one log of {counted(len(used), 'table')}, at the times of the angles"),)
+    name = " + ".join(dict.fromkeys(Path(piece.table.name).name for piece in used))
     table = Table(name, tuple(frame.columns), lambda wanted: frame[list(wanted)])
-    factors = {column: factor for _, own in used for column, factor in own.factors.items()}
-    return table, Understood(("time",), clocked.unit, kinds, notes, factors)
+    factors = {column: factor for piece in used for column, factor in piece.factors.items()}
+    return Understood(table, ("time",), clock.unit, kinds, notes, factors)
 
 
 def _times(columns: Sequence[Sequence[pd.Series]]) -> list[Array]:
