@@ -66,9 +66,8 @@ class Given:
 
     def meant(self, record: Record) -> Record:
         """A log as it is meant."""
-        speeds = None if record.speeds is None else record.speeds * self.signs
-        angles, torques = (record.angles + self.zero) * self.signs, record.torques * self.scale * self.signs
-        return replace(record, angles=angles, speeds=speeds, torques=torques)
+        shifted = replace(record, angles=record.angles + self.zero, torques=record.torques * self.scale)
+        return shifted.mapped(lambda read: read * self.signs)
 
     def beside(self, advice: Advice) -> Advice:
         """The advice with options that mend logs as they are, in place of those that mend logs as they are meant."""

@@ -129,7 +129,7 @@ def estimate(
     intake = Intake(model.joints, slides, columns or {}, topic, untrusted_read, endless, law is None, _rate(rate))
 
     def read(every: Sequence[Log], first: int) -> tuple[Record, ...]:
-        found = tuple(record.in_order(places) for record in every_run(intake, every, first))
+        found = tuple(record.mapped(lambda read: read[:, places]) for record in every_run(intake, every, first))
         if law is not None:
             compensated = load_plant(law)
             if compensated.njoint != plant.njoint:

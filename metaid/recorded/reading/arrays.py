@@ -11,7 +11,7 @@ import json
 import zipfile
 import zlib
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -37,7 +37,8 @@ def arrays_frame(path: Path) -> pd.DataFrame:
     found = read(path)
     while len(found) == 1 and isinstance(alone := next(iter(found.values())), dict):
         found = alone
-    every = dict(_numeric(found))
+    leaves = list(_leaves(found))
+    every = {name: each for name, each in leaves if np.isrealobj(each) and np.issubdtype(each.dtype, np.number)}
     tables = {name: np.atleast_2d(np.squeeze(each)) for name, each in every.items()}
     tables = {name: table for name, table in tables.items() if table.ndim == 2 and max(table.shape) >= FEWEST}
     if not tables:
@@ -47,7 +48,7 @@ def arrays_frame(path: Path) -> pd.DataFrame:
     count = times[0] if times else Counter(max(table.shape) for table in tables.values()).most_common(1)[0][0]
     tables = {name: table if table.shape[0] == count else table.T for name, table in tables.items()}
     widths = Counter(table.shape[1] for table in tables.values() if len(table) == count)
-    said = {len(words): words for words in _words(found) if widths[len(words)] == 1 < len(words)}
+    said = {len(words): words for words in _words(leaves) if widths[len(words)] == 1 < len(words)}
     columns: Named = {}
     for name, table in tables.items():
         if len(table) == count:
@@ -115,24 +116,21 @@ def _by_name(found: Any) -> dict[str, Any]:
     return arrays
 
 
-def _numeric(values: dict[str, Any], within: str = "") -> Iterator[tuple[str, NDArray[Any]]]:
-    """Arrays of numbers and numbers, those in structures by the names of both."""
+def _leaves(values: dict[str, Any], within: str = "") -> Iterator[tuple[str, NDArray[Any]]]:
+    """Arrays, those in structures by the names of both."""
     for name, value in values.items():
         if isinstance(value, dict):
-            yield from _numeric(value, f"{within}{name}_")
-        elif np.isrealobj(each := np.asarray(value)) and np.issubdtype(each.dtype, np.number):
-            yield f"{within}{name}", each
-
-
-def _words(values: dict[str, Any]) -> Iterator[list[str]]:
-    """Arrays of words that differ, those in structures, too."""
-    for value in values.values():
-        if isinstance(value, dict):
-            yield from _words(value)
+            yield from _leaves(value, f"{within}{name}_")
         else:
-            words = np.ravel(np.asarray(value)).tolist()
-            if all(isinstance(each, str) for each in words) and len(set(words)) == len(words):
-                yield words
+            yield f"{within}{name}", np.asarray(value)
+
+
+def _words(leaves: Iterable[tuple[str, NDArray[Any]]]) -> Iterator[list[str]]:
+    """Arrays of words that differ."""
+    for _, value in leaves:
+        words = np.ravel(value).tolist()
+        if all(isinstance(each, str) for each in words) and len(set(words)) == len(words):
+            yield words
 
 
 def _steps(every: Named) -> Iterator[float]:

@@ -95,8 +95,8 @@ def _told_steps(readings: Record) -> Array | None:
         return None
     moved = np.diff(readings.angles, axis=0)
     mean = 0.5 * (readings.speeds[1:] + readings.speeds[:-1])
-    coarse_speeds = np.array([resolution_of(column) for column in readings.speeds.T])
-    noise = np.hypot(np.sqrt(2.0) * noise_of(readings.angles), 0.3 * coarse_speeds * readings.period) + 1e-12
+    coarse = 0.3 * resolution_of(readings.speeds) * readings.period
+    noise = np.hypot(np.sqrt(2.0) * noise_of(readings.angles), coarse) + 1e-12
     weights = np.where(moved.any(axis=0), 1.0 / noise**2, 0.0)
     across, whole = (weights * mean * moved).sum(axis=1), (weights * mean**2).sum(axis=1)
     clear = whole * readings.period**2 > CLEAR**2

@@ -157,19 +157,19 @@ def _at_angles(readings: Record) -> Record:
     """A log most of whose rows have readings of one topic alone, at the times of the angles: a torque holds until the
     next, speeds are straight between two. Any other as it is.
     """
-    kinds = [read for read in (readings.angles, readings.speeds, readings.torques) if read is not None]
-    if np.isnan(np.concatenate(kinds, axis=1)).any(axis=1).mean() <= FEW_LEFT:
+    if readings.lacks.mean() <= FEW_LEFT:
         return readings
     at_once = np.asarray(np.isfinite(readings.angles).all(axis=1))
     kept, count = readings.rows(at_once), int((~at_once).sum())
 
-    def sampled(read: Array, holds: bool) -> Array:
+    def sampled(kind: str, read: Array) -> Array:
         columns = (pd.DataFrame(column) for column in read.T)
-        return np.hstack([sampled_at(kept.times, readings.times, column, holds) for column in columns])
+        return np.hstack([sampled_at(kept.times, readings.times, column, kind == "torque") for column in columns])
 
-    speeds = None if readings.speeds is None else sampled(readings.speeds, False)
-    kept = replace(kept, speeds=speeds, torques=sampled(readings.torques, True))
-    return kept.repaired("topics", count, f"{counted(count, 'row')} without an angle: torques hold until the next")
+    others = {kind: sampled(kind, read) for kind, read in readings.kinds.items() if kind != "angle"}
+    return kept.with_kinds(others).repaired(
+        "topics", count, f"{counted(count, 'row')} without an angle: torques hold until the next"
+    )
 
 
 def _without_holes(readings: Record) -> Record:
@@ -177,7 +177,7 @@ def _without_holes(readings: Record) -> Record:
     holes = {"time": np.isnan(readings.times)}
     for kind, names in readings.names.items():
         for joint, name in enumerate(names):
-            holes[name] = np.isnan(getattr(readings, f"{kind}s")[:, joint])
+            holes[name] = np.isnan(readings.kinds[kind][:, joint])
     bad = np.any(list(holes.values()), axis=0)
     count = int(bad.sum())
     if not count:

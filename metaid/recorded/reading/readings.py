@@ -63,6 +63,21 @@ class Record:
         steps = np.diff(self.times)
         return float(np.median(steps[steps > 0.0]))
 
+    @property
+    def kinds(self) -> dict[str, Array]:
+        """All that was read of the joints (nrow x njoint each): angles, speeds where the log has them, torques."""
+        every = {"angle": self.angles, "speed": self.speeds, "torque": self.torques}
+        return {kind: read for kind, read in every.items() if read is not None}
+
+    @property
+    def lacks(self) -> NDArray[np.bool_]:
+        """Rows (nrow) in which some joint has no number."""
+        return np.asarray(np.isnan(np.hstack([*self.kinds.values()])).any(axis=1))
+
+    def with_kinds(self, kinds: Mapping[str, Array]) -> Record:
+        """The same with other readings of some kinds (nrow x njoint each)."""
+        return replace(self, **{f"{kind}s": read for kind, read in kinds.items()})  # type: ignore[arg-type]
+
     def rests_at(self, times: Array) -> NDArray[np.bool_]:
         """At which of some times (nrow), in s, the robot rests."""
         if self.rests is None:
@@ -75,14 +90,9 @@ class Record:
         rests = None if self.rests is None else self.rests[which]
         return replace(self, times=self.times[which], rests=rests).mapped(lambda read: read[which])
 
-    def in_order(self, places: Sequence[int]) -> Record:
-        """The same of joints that stand at those `places` in it (njoint), from 0 on."""
-        return self.mapped(lambda read: read[:, places])
-
     def mapped(self, change: Callable[[Array], Array]) -> Record:
         """The same with every kind of readings (nrow x njoint) changed in the same way."""
-        speeds = None if self.speeds is None else change(self.speeds)
-        return replace(self, angles=change(self.angles), speeds=speeds, torques=change(self.torques))
+        return self.with_kinds({kind: change(read) for kind, read in self.kinds.items()})
 
     def with_torques(self, torques: Array) -> Record:
         """The same motion under these `torques` (nrow x njoint)."""
@@ -103,15 +113,18 @@ def noise_of(read: Array) -> Array:
     third differences have 20 times the variance of the noise. That of rounding at least, which a sensor hides that
     hardly moves.
     """
-    rounding = np.array([resolution_of(column) for column in read.T]) / np.sqrt(12.0)
     noise = np.sqrt((np.diff(read, n=3, axis=0) ** 2).mean(axis=0) / 20.0)
-    return np.asarray(np.maximum(noise, rounding), dtype=np.float64)
+    return np.asarray(np.maximum(noise, resolution_of(read) / np.sqrt(12.0)), dtype=np.float64)
 
 
-def resolution_of(read: Array) -> float:
-    """The step of a sensor, by its readings (nrow): the usual least difference of two neighbours among them that
-    differ. Of one that is not rounded it is next to nothing.
+def resolution_of(read: Array) -> Array:
+    """The step of the sensor of each joint (njoint), by what was `read` (nrow x njoint): the usual least difference of
+    two neighbours that differ. Of one that is not rounded it is next to nothing.
     """
+    return np.array([_least_step(column) for column in read.T])
+
+
+def _least_step(read: Array) -> float:
     steps = np.abs(np.diff(read))
     steps = steps[steps > 1e-12 * max(float(np.quantile(np.abs(read), 0.9)), 1e-300)]
     return float(np.quantile(steps, 0.01)) if len(steps) else 0.0

@@ -39,11 +39,8 @@ def tamed(readings: Record) -> Record:
     """The same with each lone wild reading replaced by what its four neighbours say; where torques or speeds have many,
     a controller sends them.  Raises RecordError where angles have too many.
     """
-    for kind in ("angle", "speed", "torque"):
-        read = getattr(readings, f"{kind}s")
-        if read is None:
-            continue
-        changed, found, kept = read, {}, {}
+    for kind, read in readings.kinds.items():
+        changed, found, kept = read.copy(), {}, {}
         for joint, name in enumerate(readings.names[kind]):
             rows = _wild(read[:, joint])
             if not len(rows):
@@ -56,7 +53,6 @@ def tamed(readings: Record) -> Record:
                     f"{readings.name}: {name} has {len(rows):,} wild readings, the first in row {rows[0] + 1} "
                     f"(allowed: one in {1.0 / SELDOM:.0f})"
                 )
-            changed = changed.copy() if changed is read else changed
             changed[rows, joint] = _between(read[:, joint])[rows - 2]
             found[name] = rows
         if found:
@@ -66,7 +62,7 @@ def tamed(readings: Record) -> Record:
             text = (
                 f"{counted(count, 'wild reading')} of {where} replaced by what its neighbours say, first in row {first}"
             )
-            readings = replace(readings, **{f"{kind}s": changed}).repaired("wild", count, text)
+            readings = readings.with_kinds({kind: changed}).repaired("wild", count, text)
         if kept:
             text = f"{', '.join(kept)} often far from readings before and after, as a controller's steps make it: kept"
             readings = readings.repaired("steps", sum(map(len, kept.values())), text)
@@ -82,8 +78,7 @@ def without_head(readings: Record) -> Record:
         return readings
     low, middle, high = np.nanquantile(angles, (0.01, 0.5, 0.99), axis=0)
     far = np.abs(angles - middle) > FARTHER * (high - low) + FAR
-    kinds = [read for read in (angles, readings.speeds, readings.torques) if read is not None]
-    unread = far.any(axis=1) | np.isnan(np.concatenate(kinds, axis=1)).any(axis=1)
+    unread = far.any(axis=1) | readings.lacks
     if unread[:head].sum() < 2 or not far[:head].any() or far[head:].any():
         return readings
     count, row = int(np.flatnonzero(unread[:head])[-1]) + 1, int(far.any(axis=1).argmax())
@@ -107,7 +102,7 @@ def _wild(read: Array) -> NDArray[np.intp]:
     left = read[2:-2] - _between(read)
     size = np.abs(left)
     span = float(np.subtract(*np.quantile(read, (0.99, 0.01))))
-    floor = max(SLIGHT * span, 5.0 * resolution_of(read), WILD * 1.48 * float(np.median(size)) / 3.0)
+    floor = max(SLIGHT * span, 5.0 * resolution_of(read[:, None])[0], WILD * 1.48 * float(np.median(size)) / 3.0)
     rows = []
     for row in np.flatnonzero(size[2:-2] > floor) + 2:
         five = left[row - 2 : row + 3] / left[row]
@@ -159,7 +154,7 @@ def without_repeats(readings: Record) -> Record:
     or written, twice. Where angles are usually read but once in several rows, a row is left of each reading, at rest as
     well, with speeds and torques that are averages of theirs.
     """
-    others = [read for read in (readings.speeds, readings.torques) if read is not None]
+    others = [read for kind, read in readings.kinds.items() if kind != "angle"]
     same, moves = _repeats(readings.angles), _moves(readings.angles)
     news = np.flatnonzero(~same)
     lasts = np.diff(news, append=len(same))
@@ -197,8 +192,7 @@ def _moves(angles: Array) -> NDArray[np.bool_]:
     ahead = np.concatenate([angles[reach:], np.repeat(angles[-1:], reach, axis=0)])
     behind = np.concatenate([np.repeat(angles[:1], reach, axis=0), angles[:-reach]])
     steps = np.abs(ahead - behind) / (2.0 * reach)
-    resolution = np.array([resolution_of(column) for column in angles.T])
-    return np.asarray((steps > STEPS * np.maximum(resolution, 1e-12)).any(axis=1), dtype=np.bool_)
+    return np.asarray((steps > STEPS * np.maximum(resolution_of(angles), 1e-12)).any(axis=1), dtype=np.bool_)
 
 
 def rested(readings: Record) -> Record:
@@ -210,9 +204,8 @@ def rested(readings: Record) -> Record:
     size = 2 * max(1, round(REST / readings.period)) + 1
     if size >= len(readings):
         return readings
-    resolution = np.array([resolution_of(column) for column in readings.angles.T])
     noise = 1.48 * np.median(np.abs(np.diff(readings.angles, n=3, axis=0)), axis=0) / np.sqrt(20.0)
-    within = np.maximum(RESOLVED * resolution, ABOVE_NOISE * noise)
+    within = np.maximum(RESOLVED * resolution_of(readings.angles), ABOVE_NOISE * noise)
     within = np.minimum(within, CREEPS * np.ptp(readings.angles, axis=0))
     spread = maximum_filter1d(readings.angles, size, axis=0) - minimum_filter1d(readings.angles, size, axis=0)
     rests = (spread <= within).all(axis=1)

@@ -104,9 +104,8 @@ def in_order(readings: Record) -> Record:
         readings = readings.rows(np.argsort(readings.times, kind="stable"))
         readings = readings.repaired("order", back, f"{counted(back, 'time')} before the row above: rows are sorted")
     same = np.diff(readings.times) == 0.0
-    for read in (readings.angles, readings.speeds, readings.torques):
-        if read is not None:
-            same &= (read[1:] == read[:-1]).all(axis=1)
+    for read in readings.kinds.values():
+        same &= (read[1:] == read[:-1]).all(axis=1)
     return _without(readings, same, "that are there twice")
 
 
