@@ -23,8 +23,7 @@ from metaid.recorded.weak_form.linear_model import BASE, LinearModel
 from metaid.recorded.weak_form.possible import Possible
 from metaid.recorded.weak_form.smoothed import CUTOFFS, Smoothed
 
-# Length in s and degree of polynomials, the finest first.
-WINDOWS = ((0.06, 4), (0.1, 5), (0.15, 4), (0.2, 6), (0.25, 4), (0.35, 4), (0.3, 8), (0.5, 10))
+SPANS = (0.06, 0.1, 0.15, 0.2, 0.25, 0.35, 0.3, 0.5)  # s: lengths of windows, the finest first
 ALIKE = 1.005  # times the least error: of windows that predict alike the finest tell most
 DELAYS = np.arange(-0.040, 0.0401, 0.002)  # s
 DOUBTS = (3.0, 10.0, 30.0)  # times the deviations of the bodies' prior
@@ -83,9 +82,8 @@ def choose(logs: Sequence[Smoothed], model: LinearModel, choices: Choices, scale
     """
     asked = choices.friction
     terms = BASE if asked is None else tuple(term for term in COLUMNS if term in asked)
-    spans = WINDOWS if choices.span is None else ((choices.span, _usual_power(choices.span)),)
-    search = Search(logs, model.with_friction(terms), spans)
-    said = replace(search.first, zeros=bool(choices.zeros), delay=choices.delay or 0.0, scale=scale)
+    search = Search(logs, model.with_friction(terms), SPANS if choices.span is None else [choices.span])
+    said = replace(search.by_span[0], zeros=bool(choices.zeros), delay=choices.delay or 0.0, scale=scale)
     best = _best_windows(search, said)
     if choices.delay is None:
         best, _ = _with_delay(search, best, PROMPT)
@@ -106,13 +104,8 @@ def choose(logs: Sequence[Smoothed], model: LinearModel, choices: Choices, scale
     return Chosen(best.equations, search.yardstick, tuple(search.tried), at_bound)
 
 
-def _usual_power(span: float) -> int:
-    """The degree of the polynomials of windows whose length, in s, the user has said."""
-    return min(WINDOWS, key=lambda windows: abs(np.log(windows[0] / span)))[1]
-
-
 def _best_windows(search: Search, like: Equations) -> Candidate:
-    every = search.candidates([search.equations(windows, like) for windows in search.windows])
+    every = search.candidates([each.with_choices_of(like) for each in search.by_span])
     most = ALIKE * np.fmin.reduce([each.whole for each in every])
     return next((each for each in every if each.whole <= most), every[0])
 
@@ -185,8 +178,8 @@ def with_cutoff(logs: Sequence[Smoothed], model: LinearModel, zeros: bool, scale
         zeros: whether those of the encoders are unknown.
         scale: of all torques.
     """
-    windows = [each for each in sorted(WINDOWS, reverse=True) if each[0] <= USUAL]
-    equations = first_equations(logs, model.with_friction(BASE), windows)
+    spans = [span for span in sorted(SPANS, reverse=True) if span <= USUAL]
+    equations = first_equations(logs, model.with_friction(BASE), spans)
     if equations is None:
         return tuple(logs)
     folds = folds_of(logs, equations.middles)

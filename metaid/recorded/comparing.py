@@ -69,43 +69,23 @@ class Candidate(NamedTuple):
 
 
 class Search:
-    """Equations by windows, and how well each choice predicts."""
+    """Equations by the length of their windows, with nothing chosen (`by_span`), and how well each choice predicts."""
 
-    def __init__(self, logs: Sequence[Smoothed], model: LinearModel, spans: Sequence[tuple[float, int]]) -> None:
-        """Nothing is chosen yet of what is unknown; windows may be, by their length in s and the degree of their
-        polynomials.  Raises RecordError where the logs are too short for any of them.
-        """
-        self._by_windows = {}
-        for span, power in spans:
-            equations = equations_of(logs, model, span, power)
-            if equations is not None:
-                self._by_windows[span, power] = equations
-        if not self._by_windows:
+    def __init__(self, logs: Sequence[Smoothed], model: LinearModel, spans: Sequence[float]) -> None:
+        """Windows may be of some lengths, in s.  Raises RecordError where the logs are too short for any of them."""
+        every = [each for span in spans if (each := equations_of(logs, model, span)) is not None]
+        if not every:
             names = ", ".join(own.record.name for own in logs)
             raise RecordError(
                 f"{names}: too short for {len(model.names)} unknowns, or read too rarely "
                 f"(allowed: more motion, or fewer terms of friction)"
             )
-        covered = {windows: each.covered for windows, each in self._by_windows.items()}
-        least = COVERED * max(covered.values())
-        self._by_windows = {windows: each for windows, each in self._by_windows.items() if covered[windows] >= least}
-        folds = folds_of(logs, self.first.middles)
+        least = COVERED * max(each.covered for each in every)
+        every = [each for each in every if each.covered >= least]
+        folds = folds_of(logs, every[0].middles)
         self.yardstick = Yardstick(tuple(logs), folds)
-        self._by_windows = {key: replace(each, folds=folds) for key, each in self._by_windows.items()}
+        self.by_span = [replace(each, folds=folds) for each in every]
         self.tried: list[tuple[str, float]] = []
-
-    @property
-    def windows(self) -> list[tuple[float, int]]:
-        return list(self._by_windows)
-
-    @property
-    def first(self) -> Equations:
-        """Those of the finest windows, with nothing chosen."""
-        return next(iter(self._by_windows.values()))
-
-    def equations(self, windows: tuple[float, int], like: Equations) -> Equations:
-        """Those of other windows, with the choices of others."""
-        return self._by_windows[windows].with_choices_of(like)
 
     def candidate(self, equations: Equations) -> Candidate:
         """One that may be chosen."""
@@ -133,7 +113,7 @@ class Search:
         for number, each in enumerate(every):
             with suppress(np.linalg.LinAlgError):
                 solved[number] = each, solve(each)
-        held = yardstick.all_judged(list(solved.values()), self.first.model.is_pendulum, STARTS)
+        held = yardstick.all_judged(list(solved.values()), self.by_span[0].model.is_pendulum, STARTS)
         found = dict(zip(solved, held, strict=True))
         return [_judged(each, found.get(number)) for number, each in enumerate(every)]
 

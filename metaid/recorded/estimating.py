@@ -33,7 +33,8 @@ from metaid.recorded.weak_form.smoothed import Smoothed, smoothed, smoothed_toge
 
 FEW_STARTS = 10  # of simulations a fold, of an arm in space
 MANY_STARTS = 60  # of a pendulum
-MIDDLE = ((0.2, 6), (0.1, 5), (0.3, 8), (0.06, 4), (0.5, 10))  # windows: length in s and degree, the first that fit
+MIDDLE = (0.2, 0.1, 0.3, 0.06, 0.5)  # s: lengths of windows, the first that fit
+LONGER = (0.1, 0.2, 0.3, 0.5)  # s: of windows, the first that are longer than those that were chosen
 MOST_NAMED = 3  # joints that a suspect is named with
 
 
@@ -296,13 +297,10 @@ def _systematic(
     changes.append(prompt.solution.values - free)
     if _unexplained(prompt) < WORTH * _unexplained(equations):
         lacking.append(f"a delay of {1e3 * late:.2g} ms")
-    for span, power in ((0.1, 5), (0.2, 6), (0.3, 8), (0.5, 10)):
-        if span > equations.span:
-            other = equations_of(logs, equations.model, span, power)
-            if other is not None:
-                other = other.with_choices_of(equations)
-                changes.append(other.solution.values - free)
-            break
+    for span in [span for span in LONGER if span > equations.span][:1]:
+        other = equations_of(logs, equations.model, span)
+        if other is not None:
+            changes.append(other.with_choices_of(equations).solution.values - free)
     return np.sqrt(np.sum(np.square(changes), axis=0)), tuple(lacking)
 
 

@@ -25,7 +25,7 @@ from metaid.recorded.weak_form.parts import Part, loads_of
 from metaid.recorded.weak_form.smoothed import Smoothed
 
 FRICTION = ("viscous", "coulomb", "root", "offset")
-WINDOWS = ((0.2, 6), (0.3, 8), (0.1, 5), (0.5, 10), (0.06, 4))  # length in s and degree, the first that fit
+SPANS = (0.2, 0.3, 0.1, 0.5, 0.06)  # s: lengths of windows, the first that fit
 FIRST = 10  # of a body's parameters: mass, first moments, moments of inertia
 APART = 0.5  # by which gains of one robot's joints differ beforehand, as a share of them
 LEAST_MASS, MOST_MASS = 1e-3, 1e4  # kg
@@ -110,7 +110,7 @@ def drive_gains(
     """
     logs = [*unloaded, *(own for own, _ in loaded)]
     model = model.with_friction(FRICTION)
-    equations = first_equations(logs, model, WINDOWS)
+    equations = first_equations(logs, model, SPANS)
     if equations is None:
         raise RecordError(
             f"{logs[-1].record.name}: too short for the gains of {model.njoint} joints (allowed: more motion)"

@@ -191,7 +191,8 @@ def test_joints_that_a_log_has_in_another_order_are_named(names: tuple[str, ...]
     arm = replace(swinging_arm(), names=names)
     order = sorted(names) if sorted(names) != list(names) else names[::-1]
     record = log_of(arm, extra=lambda speeds: 0.5 * speeds)
-    read = record.in_order([names.index(joint) for joint in order])
+    places = [names.index(joint) for joint in order]
+    read = record.mapped(lambda each: each[:, places])
     asked = replace(VISCOUS, span=0.1, delay=0.0)
     facts = facts_of(estimate_records([read], arm_model(wrong_tree(arm, 0)), asked))
     assert [fact.option for fact in facts] == [f"--order {','.join(order)}"]

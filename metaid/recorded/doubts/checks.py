@@ -37,7 +37,7 @@ from metaid.recorded.given import Option
 from metaid.recorded.weak_form.equations import first_equations
 from metaid.recorded.weak_form.normal import FAR_ZERO
 
-WINDOWS = ((0.2, 6), (0.3, 8), (0.1, 5), (0.5, 10))  # length in s and degree, the first that fit
+SPANS = (0.2, 0.3, 0.1, 0.5)  # s: lengths of windows, the first that fit
 MOST = 80  # windows of a check, of all logs
 SELDOM = 0.5  # as NAMED of gravity, which many other faults look like
 BOTH = 0.7  # of what one leaves: as NAMED of two at once, for there are many pairs
@@ -181,7 +181,7 @@ def _thinned(found: RecordedEstimate, measured: Absolute) -> Check | None:
     model = found.model.with_friction(("viscous", "coulomb", "offset"))
     # What is wrong moves the zeros that are fitted beside it, too.
     zeros = found.zeros if np.abs(found.zeros).max(initial=0.0) < FAR_ZERO else np.zeros_like(found.zeros)
-    every = first_equations(found.logs, model, WINDOWS)
+    every = first_equations(found.logs, model, SPANS)
     if every is None:
         return None
     stride = max(1, every.nwindow // MOST)

@@ -26,7 +26,7 @@ from metaid.recorded.weak_form.normal import (
 )
 from metaid.recorded.weak_form.parts import Part, loads_of
 from metaid.recorded.weak_form.smoothed import Smoothed
-from metaid.recorded.weak_form.windows import Windows, cut_windows
+from metaid.recorded.weak_form.windows import Windows, cut_windows, usual_degree
 
 LASTS = 0.3  # s: how long an error of the model lasts at least
 ROUNDS = 3  # of the covariance across joints
@@ -345,7 +345,9 @@ class Equations:
         return few * eliminated_covariance(inverse, scores, self.lags) + inverse @ solution.prior @ inverse
 
 
-def equations_of(logs: Sequence[Smoothed], model: LinearModel, span: float, power: int) -> Equations | None:
+def equations_of(
+    logs: Sequence[Smoothed], model: LinearModel, span: float, power: int | None = None
+) -> Equations | None:
     """The equations of windows of one length; None where a log has no such windows in which it moves, or there are too
     few of all.
 
@@ -353,11 +355,11 @@ def equations_of(logs: Sequence[Smoothed], model: LinearModel, span: float, powe
         logs: on their grids.
         model: what is unknown.
         span: length of the windows, in s.
-        power: degree of the polynomials.
+        power: degree of the polynomials; by default what is usual of that length.
     """
     parts = []
     for log, own in enumerate(logs):
-        windows = cut_windows(own.record, span, power)
+        windows = cut_windows(own.record, span, usual_degree(span) if power is None else power)
         if windows is None or len(windows) < THIRDS:
             return None
         parts.append(Part(log, windows, own))
@@ -365,11 +367,9 @@ def equations_of(logs: Sequence[Smoothed], model: LinearModel, span: float, powe
     return equations if equations.is_enough else None
 
 
-def first_equations(
-    logs: Sequence[Smoothed], model: LinearModel, windows: Iterable[tuple[float, int]]
-) -> Equations | None:
-    """The equations of the first windows, by their length in s and the degree of their polynomials, that all logs have
-    enough of; None where there are none.
+def first_equations(logs: Sequence[Smoothed], model: LinearModel, spans: Iterable[float]) -> Equations | None:
+    """The equations of the first windows, by their length in s, that all logs have enough of; None where there are
+    none.
     """
-    tried = (equations_of(logs, model, span, power) for span, power in windows)
+    tried = (equations_of(logs, model, span) for span in spans)
     return next((equations for equations in tried if equations is not None), None)

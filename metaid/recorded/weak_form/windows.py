@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from metaid.models import Array
 from metaid.recorded.reading.readings import Record
 
+DEGREES = {0.06: 4, 0.1: 5, 0.15: 4, 0.2: 6, 0.25: 4, 0.35: 4, 0.3: 8, 0.5: 10}  # of polynomials, by length in s
 OVERLAP = 0.5  # of a window with the next
 MOST = 2_500, 10_000  # windows of a log, of robots with many joints and with few: of a longer one every second alone
 NODES = 32  # in a window, at which the model's torque is evaluated
@@ -126,6 +127,11 @@ class Windows:
         sent = record.torques[np.minimum(rows[:, :-1], len(begins) - 1)]
         averaged: Array = weights @ sent
         return averaged
+
+
+def usual_degree(span: float) -> int:
+    """The degree of the polynomials of windows of this length, in s."""
+    return DEGREES[min(DEGREES, key=lambda each: abs(np.log(each / span)))]
 
 
 def cut_windows(record: Record, span: float, power: int) -> Windows | None:
