@@ -12,7 +12,7 @@ import sqlalchemy as sa
 
 from metaid.store.optuna_tables import STUDY_ATTRIBUTES, TRIAL_ATTRIBUTES, TRIAL_PARAMS, TRIAL_VALUES, TRIALS
 from metaid.store.ownership import DIGEST, EXPERIMENT, MARK, own_rows
-from metaid.store.rows import MOTION_KEYS, Own, read_motions, read_outcomes, read_table
+from metaid.store.rows import MOTION_KEYS, Own
 from metaid.store.trial import ForeignTrial, Trial
 
 JOINTS_KEY = "metaid:joints"  # of a study: how many joints its plant has
@@ -48,8 +48,8 @@ def read_trials(connection: sa.Connection, study_id: int, names: Sequence[str]) 
     is_own = own_rows(json.loads(_attribute(connection, study_id, DIGEST)), [row[5] for row in rows])
     heads = [row for row, own in zip(rows, is_own, strict=True) if own]
     others = [row for row, own in zip(rows, is_own, strict=True) if not own]
-    trials = Own(study_id, {row[0]: i for i, row in enumerate(heads)}, alone=not others)
-    own_trials = _own_trials(connection, trials, heads, names)
+    trials = Own(connection, study_id, {row[0]: i for i, row in enumerate(heads)}, alone=not others)
+    own_trials = _own_trials(trials, heads, names)
     experiments, values, with_motion = _evaluated(connection, study_id) if others else ({}, {}, set[int]())
     foreign = tuple(
         ForeignTrial(int(row[1]), row[2].name, experiments.get(row[0]), values.get(row[0])) for row in others
@@ -71,13 +71,13 @@ def _evaluated(connection: sa.Connection, study_id: int) -> tuple[dict[int, str]
     return experiments, values, set(connection.scalars(motions.where(*where)))
 
 
-def _own_trials(connection: sa.Connection, trials: Own, heads: Sequence[Any], names: Sequence[str]) -> list[Trial]:
+def _own_trials(trials: Own, heads: Sequence[Any], names: Sequence[str]) -> list[Trial]:
     """The trials with these `heads`: id, Optuna's number, state, begin and end."""
     states = [head[2] for head in heads]
     key, value = TRIAL_PARAMS.c.param_name, TRIAL_PARAMS.c.param_value
-    factors = read_table(connection, trials, key, value, names, float)
-    outcomes = read_outcomes(connection, trials, states, _joint_count(connection, trials.study_id))
-    motions = read_motions(connection, trials)
+    factors = trials.table(key, value, names, float)
+    outcomes = trials.outcomes(states, _joint_count(trials.connection, trials.study_id))
+    motions = trials.motions()
     whole = (
         len(factors) == len(outcomes) == len(heads)
         and all(state.is_finished() for state in states)

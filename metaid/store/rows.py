@@ -43,107 +43,89 @@ IDS_AFTER = (
 
 @dataclass(frozen=True)
 class Own:
-    """The trials of the study `study_id` that metaid wrote: their `positions` by their id in the DB. `alone`: whether
-    the study has no others.
+    """The trials of the study `study_id` that metaid wrote, read over a `connection`: their `positions` by their id in
+    the DB. `alone`: whether the study has no others.
     """
 
+    connection: sa.Connection
     study_id: int
     positions: dict[int, int]
     alone: bool
 
+    def table(self, key: Any, value: Any, keys: Sequence[Any], kind: type) -> NDArray[Any]:
+        """The values under some keys of every trial, in order (ntrial x nkey); of no trial if one lacks any of them.
 
-def read_table(
-    connection: sa.Connection, trials: Own, key: Any, value: Any, keys: Sequence[Any], kind: type
-) -> NDArray[Any]:
-    """The values under some keys of every trial, in order (ntrial x nkey); of no trial if one lacks any of them.
+        A trial has a key at most once and the DB's own order of keys is the same for all, so nothing but values is
+        read, unless there are trials of others in between.
 
-    A trial has a key at most once and the DB's own order of keys is the same for all, so nothing but values is read,
-    unless there are trials of others in between.
+        Args:
+            key: the column of the keys.
+            value: the column of the values.
+            keys: that are read (nkey).
+            kind: of the values: int or float.
 
-    Args:
-        connection: to the DB.
-        trials: that are read.
-        key: the column of the keys.
-        value: the column of the values.
-        keys: that are read (nkey).
-        kind: of the values: int or float.
+        Raises:
+            ValueError: a value is not of that kind.
+            TypeError: a value is not of that kind.
+        """
+        where = TRIALS.c.study_id == self.study_id, key.in_(keys)
+        query = sa.select(value).select_from(value.table.join(TRIALS)).where(*where).order_by(TRIALS.c.trial_id, key)
+        if self.alone:
+            order = list(self.connection.scalars(query.with_only_columns(key).limit(len(keys))))
+        else:
+            query = query.with_only_columns(value, key, TRIALS.c.trial_id)
+        # The driver's own rows: SQLAlchemy's would cost three times the reading.
+        cursor = self.connection.connection.cursor()
+        cursor.execute(str(query.compile(self.connection.engine, compile_kwargs={"literal_binds": True})))
+        rows = iter(cursor.fetchone, None)
+        if not self.alone:
+            kept = [row for row in rows if row[2] in self.positions]
+            order, rows = [row[1] for row in kept[: len(keys)]], iter(kept)
+        cells: NDArray[Any] = np.fromiter((kind(row[0]) for row in rows), kind)
+        cursor.close()
+        if len(cells) % len(keys) or sorted(order) != sorted(keys):
+            return np.empty((0, len(keys)), kind)
+        return cells.reshape(-1, len(keys))[:, [order.index(wanted) for wanted in keys]]
 
-    Raises:
-        ValueError: a value is not of that kind.
-        TypeError: a value is not of that kind.
-    """
-    where = TRIALS.c.study_id == trials.study_id, key.in_(keys)
-    query = sa.select(value).select_from(value.table.join(TRIALS)).where(*where).order_by(TRIALS.c.trial_id, key)
-    if trials.alone:
-        order = list(connection.scalars(query.with_only_columns(key).limit(len(keys))))
-    else:
-        query = query.with_only_columns(value, key, TRIALS.c.trial_id)
-    # The driver's own rows: SQLAlchemy's would cost three times the reading.
-    cursor = connection.connection.cursor()
-    cursor.execute(str(query.compile(connection.engine, compile_kwargs={"literal_binds": True})))
-    rows = iter(cursor.fetchone, None)
-    if not trials.alone:
-        kept = [row for row in rows if row[2] in trials.positions]
-        order, rows = [row[1] for row in kept[: len(keys)]], iter(kept)
-    cells: NDArray[Any] = np.fromiter((kind(row[0]) for row in rows), kind)
-    cursor.close()
-    if len(cells) % len(keys) or sorted(order) != sorted(keys):
-        return np.empty((0, len(keys)), kind)
-    return cells.reshape(-1, len(keys))[:, [order.index(wanted) for wanted in keys]]
+    def outcomes(self, states: Sequence[TrialState], joint_count: int) -> list[tuple[int, Outcome]]:
+        """The generation and the outcome of every trial, of these `states` (ntrial), in order; of none if one lacks
+        something.  Raises ValueError or TypeError where a value is not a number.
+        """
+        value, attribute = TRIAL_VALUES.c, TRIAL_ATTRIBUTES.c
+        keys = ["generation", "steps", *(f"periods_{joint + 1}" for joint in range(joint_count))]
+        counts = self.table(attribute.key, attribute.value_json, keys, int)
+        values = self.table(value.objective, value.value, [0], float)
+        ranked = {place: float(json.loads(text)) for place, text in self._attributes(FALL_VALUE)}
+        reasons = {place: str(json.loads(text)) for place, text in self._attributes(REASON)}
+        survived = [i for i, state in enumerate(states) if state == TrialState.COMPLETE]
+        failed = {i for i, state in enumerate(states) if state == TrialState.FAIL}
+        if not (len(counts) == len(states) == len(values) + len(ranked) and reasons.keys() == failed):
+            return []
+        ranked |= dict(zip(survived, values[:, 0].tolist(), strict=True))
+        return [
+            (generation, Outcome(ranked[i], state != TrialState.COMPLETE, steps, tuple(periods), reasons.get(i)))
+            for i, (state, (generation, steps, *periods)) in enumerate(zip(states, counts.tolist(), strict=True))
+        ]
 
+    def motions(self) -> dict[int, dict[str, Any]]:
+        """The motion of those that have any, by position: the fields of an outcome that hold it.  Raises ValueError,
+        TypeError or LookupError for what is none.
+        """
+        found: dict[int, dict[str, Any]] = {}
+        for key, (_, read) in MOTIONS.items():
+            for position, text in self._attributes(key):
+                found.setdefault(position, {})[key] = read(text)
+        return found
 
-def read_outcomes(
-    connection: sa.Connection, trials: Own, states: Sequence[TrialState], joint_count: int
-) -> list[tuple[int, Outcome]]:
-    """The generation and the outcome of every trial, in order; of none if one lacks something.
-
-    Args:
-        connection: to the DB.
-        trials: that are read.
-        states: of these (ntrial), in order.
-        joint_count: the number of joints.
-
-    Raises:
-        ValueError: a value is not a number.
-        TypeError: a value is not a number.
-    """
-    value, attribute = TRIAL_VALUES.c, TRIAL_ATTRIBUTES.c
-    keys = ["generation", "steps", *(f"periods_{joint + 1}" for joint in range(joint_count))]
-    counts = read_table(connection, trials, attribute.key, attribute.value_json, keys, int)
-    values = read_table(connection, trials, value.objective, value.value, [0], float)
-    ranked = {place: float(json.loads(text)) for place, text in _read_attributes(connection, trials, FALL_VALUE)}
-    reasons = {place: str(json.loads(text)) for place, text in _read_attributes(connection, trials, REASON)}
-    survived = [i for i, state in enumerate(states) if state == TrialState.COMPLETE]
-    failed = {i for i, state in enumerate(states) if state == TrialState.FAIL}
-    if not (len(counts) == len(states) == len(values) + len(ranked) and reasons.keys() == failed):
-        return []
-    ranked |= dict(zip(survived, values[:, 0].tolist(), strict=True))
-    return [
-        (generation, Outcome(ranked[i], state != TrialState.COMPLETE, steps, tuple(periods), reasons.get(i)))
-        for i, (state, (generation, steps, *periods)) in enumerate(zip(states, counts.tolist(), strict=True))
-    ]
-
-
-def read_motions(connection: sa.Connection, trials: Own) -> dict[int, dict[str, Any]]:
-    """The motion of the `trials` that have any, by position: the fields of an outcome that hold it.  Raises ValueError,
-    TypeError or LookupError for what is none.
-    """
-    found: dict[int, dict[str, Any]] = {}
-    for key, (_, read) in MOTIONS.items():
-        for position, text in _read_attributes(connection, trials, key):
-            found.setdefault(position, {})[key] = read(text)
-    return found
-
-
-def _read_attributes(connection: sa.Connection, trials: Own, key: str) -> list[tuple[int, str]]:
-    """Those of the `trials` that have an attribute of this `key`, by position, and its JSON."""
-    query = (
-        sa.select(TRIAL_ATTRIBUTES.c.trial_id, TRIAL_ATTRIBUTES.c.value_json)
-        .join(TRIALS)
-        .where(TRIALS.c.study_id == trials.study_id, TRIAL_ATTRIBUTES.c.key == key)
-    )
-    positions = trials.positions
-    return [(positions[one], str(text)) for one, text in connection.execute(query) if one in positions]
+    def _attributes(self, key: str) -> list[tuple[int, str]]:
+        """Those that have an attribute of this `key`, by position, and its JSON."""
+        query = (
+            sa.select(TRIAL_ATTRIBUTES.c.trial_id, TRIAL_ATTRIBUTES.c.value_json)
+            .join(TRIALS)
+            .where(TRIALS.c.study_id == self.study_id, TRIAL_ATTRIBUTES.c.key == key)
+        )
+        rows = self.connection.execute(query)
+        return [(self.positions[one], str(text)) for one, text in rows if one in self.positions]
 
 
 def head_rows(end: End, trials: Sequence[Trial]) -> list[dict[str, Any]]:
