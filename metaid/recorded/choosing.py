@@ -129,7 +129,7 @@ def _with_doubt(search: Search, best: Candidate) -> Candidate:
     speeds = fastest(search.yardstick.logs)
 
     def possible(equations: Equations) -> list[Solution]:
-        bodies = Possible(equations.model, equations.scale, speeds)
+        bodies = Possible(equations, speeds)
         return [bodies.refined(each) for each in equations.without_each]
 
     before, after = search.candidates([best.equations, wider.equations], solve=possible)

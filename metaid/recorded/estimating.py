@@ -210,8 +210,8 @@ def _zeros(equations: Equations, values: Array) -> Array:
 
 def _possible(equations: Equations, logs: Sequence[Smoothed]) -> tuple[PossibleModel, list[Solution]]:
     """The model that can be and that some equations tell, and what they tell of it without each fold (nfold)."""
-    bodies, free = Possible(equations.model, equations.scale, fastest(logs)), equations.solution
-    return bodies.closest(free.values, free.precision), [bodies.refined(each) for each in equations.apart]
+    bodies = Possible(equations, fastest(logs))
+    return bodies.closest(equations.solution), [bodies.refined(each) for each in equations.apart]
 
 
 def _nominal(equations: Equations) -> list[Solution]:

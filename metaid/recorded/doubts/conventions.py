@@ -53,7 +53,7 @@ class Check:
         free = self.free
         if usual is not None and improvement(free, usual, of_a_zero) >= NAMED:
             return free
-        possible = Possible(self.equations.model, self.equations.scale, self.fastest)
+        possible = Possible(self.equations, self.fastest)
         return self._unexplained(possible.refined(self.equations.solution).values)
 
     def _unexplained(self, values: Array) -> Array:

@@ -75,7 +75,8 @@ class Part:
         """The state of dry friction at nodes (nwindow x nnode x nmotor)."""
         if not model.sliding.builds_up:
             return model.sliding.at(self.windows.speeds)
-        return self.smoothed.sliding(model, self.windows.times)
+        states = self.smoothed.states(model)
+        return np.stack([np.interp(self.windows.times, self.smoothed.times, state) for state in states.T], axis=-1)
 
     def zero_columns(self, model: LinearModel, values: Array, zeros: Array) -> Array:
         """How the averaged torque by unknowns (nparam) changes with each zero (nwindow x ntest x njoint x njoint)."""

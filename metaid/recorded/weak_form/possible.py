@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from metaid.models import Array, Matrices, Nearest
 from metaid.models.tree import PARAMETERS, Tree, nominal_pseudo_inertias, planar_tree, pseudo_inertia
-from metaid.recorded.weak_form.equations import Solution
-from metaid.recorded.weak_form.linear_model import RIGID, LinearModel
+from metaid.recorded.weak_form.equations import Equations, Solution
+from metaid.recorded.weak_form.linear_model import RIGID
 
 SMALL = 1e-3  # of a friction's deviation: what is not above 0 is kept so near to it
 THIN = 0.1  # of what a rotor may be beforehand: a nominal rotor of 0 counts as this
@@ -51,7 +51,9 @@ class Possible:
     unknowns of friction, then the logarithms of a chain's lengths.
     """
 
-    def __init__(self, model: LinearModel, scale: float, fastest: Array) -> None:
+    def __init__(self, equations: Equations, fastest: Array) -> None:
+        """Of what some equations tell, and speeds of the joints that these hardly exceed (njoint), in rad/s or m/s."""
+        model, scale = equations.model, equations.scale
         self._model, self._scale, self._fastest = model, scale, fastest
         self._friction = np.arange(model.nbody, len(model.names))
         prior = model.prior
@@ -165,16 +167,14 @@ class Possible:
             free = np.where(rows.any(axis=0), inside, free)
         return np.concatenate([self._links, free, self._lengths])
 
-    def closest(self, values: Array, precision: Array) -> PossibleModel:
-        """The possible model that costs least, from unknowns that were fitted freely (nparam) and their precision
-        (nparam x nparam).  Eq. 69.
-        """
+    def closest(self, solution: Solution) -> PossibleModel:
+        """The possible model that costs least, from a solution that was fitted freely.  Eq. 69."""
+        values, precision = solution.values, solution.precision
         scale = 1.0 / np.sqrt(np.diag(precision))
         deviations = scale * np.sqrt(np.maximum(np.diag(np.linalg.inv(precision * np.outer(scale, scale))), 0.0))
         cones = self._cones(values, deviations)
-        x = self._start(values, deviations)
-
-        x = Nearest(cones, self.lumps, self.slopes, values, precision, len(self._lengths)).found(x)
+        nearest = Nearest(cones, self.lumps, self.slopes, values, precision, len(self._lengths))
+        x = nearest.found(self._start(values, deviations))
         nlinks = len(self._links)
         links = x[:nlinks].reshape(self._tree.njoint, -1)
         length = np.exp(x[nlinks + len(self._friction) :])
@@ -183,7 +183,7 @@ class Possible:
 
     def refined(self, solution: Solution) -> Solution:
         """The solution that can be, closest to one that was fitted freely."""
-        return replace(solution, values=self.closest(solution.values, solution.precision).values)
+        return replace(solution, values=self.closest(solution).values)
 
     def _tree_of(self, links: Array, length: Array) -> Tree:
         """The arm that has these links (njoint x nlink)."""

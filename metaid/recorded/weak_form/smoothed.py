@@ -90,11 +90,6 @@ class Smoothed:
             self._kept[key] = model.sliding.along(self.coordinates, self.speeds)
         return self._kept[key]
 
-    def sliding(self, model: LinearModel, times: Array) -> Array:
-        """The state of dry friction at some times (...), in s (... x nmotor)."""
-        states = self.states(model)
-        return np.stack([np.interp(times, self.times, state) for state in states.T], axis=-1)
-
     @property
     def share(self) -> Array:
         """By what equations of a joint (njoint) are multiplied: of one that is held here alone they count little."""
