@@ -113,7 +113,7 @@ class Search:
         for number, each in enumerate(every):
             with suppress(np.linalg.LinAlgError):
                 solved[number] = each, solve(each)
-        held = yardstick.all_judged(list(solved.values()), self.by_span[0].model.is_pendulum, STARTS)
+        held = yardstick.all_judged(list(solved.values()), STARTS if self.by_span[0].model.is_pendulum else 0)
         found = dict(zip(solved, held, strict=True))
         return [_judged(each, found.get(number)) for number, each in enumerate(every)]
 

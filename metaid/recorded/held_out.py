@@ -18,7 +18,6 @@ from metaid.recorded.weak_form.normal import ZERO
 from metaid.recorded.weak_form.parts import SHIFT
 from metaid.recorded.weak_form.smoothed import Smoothed
 
-MOST_STARTS = 60  # of simulations a fold
 FADES = 4.0  # periods of the filter's cut-off, in which what is beyond a row leaves it but for 1e-4
 ZERO_STEPS = 3  # of Newton's, for the zeros of a log that was held out
 
@@ -200,32 +199,20 @@ class Yardstick:
             zeros = zeros + np.linalg.solve(gram, rows.T @ (left / spread).ravel() / correlated - zeros / ZERO**2)
         return zeros
 
-    def judged(
-        self, equations: Equations, solutions: Sequence[Solution], with_motion: bool = False, most: int = MOST_STARTS
-    ) -> HeldOut:
-        """How well each fold is predicted by a solution of its own.
-
-        Args:
-            equations: of all logs.
-            solutions: one a fold (nfold).
-            with_motion: whether motion is simulated, too.
-            most: simulations a fold.
+    def judged(self, equations: Equations, solutions: Sequence[Solution], most: int = 0) -> HeldOut:
+        """How well each fold is predicted by a solution of its own (nfold); its motion, too, by so many simulations a
+        fold at most.
         """
-        return self.all_judged([(equations, solutions)], with_motion, most)[0]
+        return self.all_judged([(equations, solutions)], most)[0]
 
-    def all_judged(
-        self,
-        candidates: Sequence[tuple[Equations, Sequence[Solution]]],
-        with_motion: bool = False,
-        most: int = MOST_STARTS,
-    ) -> list[HeldOut]:
+    def all_judged(self, candidates: Sequence[tuple[Equations, Sequence[Solution]]], most: int = 0) -> list[HeldOut]:
         """The same of several equations with their solutions. Those that have a delay in common, and a model but for
         its friction, are simulated side by side, which takes little longer than one of them.
         """
         predicted = [self._predicted(*each) for each in candidates]
         alike: dict[tuple[int, float, float], list[tuple[int, Begun]]] = {}
         for number, (equations, _) in enumerate(candidates):
-            if not with_motion or equations.model.untrusted.any():  # by an unknown torque nothing can be simulated
+            if not most or equations.model.untrusted.any():  # by an unknown torque nothing can be simulated
                 continue
             for part in predicted[number]:
                 own = self.logs[part.log]

@@ -18,7 +18,7 @@ from metaid.recorded.absolute import Absolute, absolute_of
 from metaid.recorded.branches import joints_named
 from metaid.recorded.choosing import Choices, usual_still
 from metaid.recorded.doubts.checks import facts_of
-from metaid.recorded.estimating import RecordedEstimate, estimate_records
+from metaid.recorded.estimating import MANY_STARTS, RecordedEstimate, estimate_records
 from metaid.recorded.gains import Gains, Payload, drive_gains
 from metaid.recorded.given import Given
 from metaid.recorded.held_out import HeldOut, Yardstick
@@ -237,7 +237,7 @@ def _validated(found: RecordedEstimate, own: Smoothed) -> HeldOut:
     """How well a log is predicted that nothing was fitted to, its zeros from its first half."""
     yardstick = Yardstick((own,), (Fold((Span(0),)),))
     solution = replace(found.equations.solution, values=found.values, zeros=np.zeros((1, found.model.njoint)))
-    return yardstick.judged(found.equations, [solution], True)
+    return yardstick.judged(found.equations, [solution], MANY_STARTS)
 
 
 def _by_joint(what: str, given: Mapping[str, float], model: LinearModel, usual: float) -> Any:

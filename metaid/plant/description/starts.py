@@ -9,7 +9,9 @@ MuJoCo takes those of a link and the next.
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
 from copy import copy
+from itertools import islice
 
 import numpy as np
 
@@ -46,12 +48,11 @@ def draw_starts(plant: ArmPlant, count: int, horizon: float, seed: int, speed: f
     Raises:
         PlantError: nowhere was the arm seen to stay clear.
     """
-    random = np.random.Generator(np.random.SFC64([seed]))
-    ranges = _ranges(plant.tree, plant.home)
+    proposals = _proposals(plant.tree, _ranges(plant.tree, plant.home), horizon, seed, speed)
     with gathered_warnings():
         try:
             clear = Clearance(plant.arm.whole, plant.home)
-            return tuple(_draw(plant, clear, ranges, horizon, speed, random) for _ in range(count))
+            return tuple(_clear_start(plant.name, clear, proposals, horizon) for _ in range(count))
         except mujoco.FatalError as problem:
             raise PlantError(f"plant {plant.name}: MuJoCo cannot tell what touches what: {problem}") from None
 
@@ -66,9 +67,8 @@ def draw_free_starts(tree: Tree, count: int, horizon: float, seed: int, speed: f
         seed: of the random numbers.
         speed: of the fastest joint at most, in rad/s; see `draw_starts`.
     """
-    random = np.random.Generator(np.random.SFC64([seed]))
-    ranges = _ranges(tree, np.zeros(tree.njoint))
-    return tuple(_proposed(tree, ranges, horizon, speed, random) for _ in range(count))
+    proposals = _proposals(tree, _ranges(tree, np.zeros(tree.njoint)), horizon, seed, speed)
+    return tuple(islice(proposals, count))
 
 
 def _ranges(tree: Tree, home: Array) -> Array:
@@ -81,23 +81,23 @@ def _ranges(tree: Tree, home: Array) -> Array:
     return np.stack([low + margin, high - margin])
 
 
-def _proposed(tree: Tree, ranges: Array, horizon: float, speed: float, random: np.random.Generator) -> ArmStart:
-    """A start from which an ideal coast stays within the `ranges` (2 x njoint)."""
+def _proposals(tree: Tree, ranges: Array, horizon: float, seed: int, speed: float) -> Iterator[ArmStart]:
+    """Starts without end from which an ideal coast stays within the `ranges` (2 x njoint)."""
+    random = np.random.Generator(np.random.SFC64([seed]))
     low, high = ranges
     fastest = np.minimum(np.where(tree.slides, SLIDE * speed, speed), 0.5 * (high - low) / horizon)
-    speeds = fastest * random.uniform(-1.0, 1.0, tree.njoint)
-    way = horizon * speeds
-    first = low - np.minimum(way, 0.0)
-    pose = first + (high - np.maximum(way, 0.0) - first) * random.uniform(size=tree.njoint)
-    return ArmStart(pose, speeds)
+    while True:
+        speeds = fastest * random.uniform(-1.0, 1.0, tree.njoint)
+        way = horizon * speeds
+        first = low - np.minimum(way, 0.0)
+        pose = first + (high - np.maximum(way, 0.0) - first) * random.uniform(size=tree.njoint)
+        yield ArmStart(pose, speeds)
 
 
-def _draw(
-    plant: ArmPlant, clear: Clearance, ranges: Array, horizon: float, speed: float, random: np.random.Generator
-) -> ArmStart:
+def _clear_start(name: str, clear: Clearance, proposals: Iterator[ArmStart], horizon: float) -> ArmStart:
+    """The first of the `proposals` whose coast, so many s long, stays clear."""
     met: Counter[str] = Counter()
-    for _ in range(DRAWS):
-        start = _proposed(plant.tree, ranges, horizon, speed, random)
+    for start in islice(proposals, DRAWS):
         way = horizon * start.speeds
         looks = np.linspace(0.0, 1.0, 1 + int(np.ceil(np.abs(way).max() / FINE)))
         touching = next((pair for share in looks if (pair := clear.met(start.pose + share * way))), None)
@@ -106,7 +106,7 @@ def _draw(
         met[touching] += 1
     pair, often = met.most_common(1)[0]
     raise PlantError(
-        f"plant {plant.name}: no start was found from which a coast of {horizon:g} s stays clear: in {often} of "
+        f"plant {name}: no start was found from which a coast of {horizon:g} s stays clear: in {often} of "
         f"{DRAWS} draws {pair} came within {CLEARANCE:g} m (allowed: shapes that are clear of each other in some of "
         "the poses; those that may touch have contype 0 and conaffinity 0)"
     )
