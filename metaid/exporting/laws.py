@@ -7,6 +7,7 @@ an arm's friction is left out. The texts are templates beside this module, which
 from __future__ import annotations
 
 import re
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -22,13 +23,40 @@ Constants = Mapping[str, Array | NDArray[np.bool_] | NDArray[np.intp]]
 _ROTOR, _DAMPING, _COULOMB = (PARAMETERS.index(name) for name in ("rotor", "damping", "coulomb"))
 
 
+class _Written(ABC):
+    """A law as source text, by templates of its `kind`."""
+
+    kind: ClassVar[str]
+
+    @property
+    @abstractmethod
+    def _constants(self) -> Constants:
+        """What the templates are filled in with."""
+
+    def python(self) -> str:
+        """A Python module with a function `torque(q, qd)`, and `mass_matrix(q)` and `inverse_dynamics(q, qd, qdd)`
+        where inertia is known; where dry friction has pre-sliding the last takes the `slip`, too, which `slide(slip,
+        dq)` keeps.
+        """
+        return _filled_in(f"{self.kind}.py", self._constants, "[]", "    ")
+
+    def c(self, name: str) -> str:
+        """A C99 header with a function `NAME_torque(q, qd, torque)`, and `NAME_mass_matrix(q, matrix)` and
+        `NAME_inverse_dynamics(q, qd, qdd, torque)` where inertia is known; where dry friction has pre-sliding
+        `NAME_inverse_dynamics(q, qd, qdd, slip, torque)`, with the slip that `NAME_slide(dq, slip)` keeps, or NULL.
+        """
+        return _filled_in(f"{self.kind}.h", self._constants, "{}", "        ", name=name)
+
+
 @dataclass(frozen=True)
-class ChainLaw(ChainModel):
+class ChainLaw(_Written, ChainModel):
     """The law of a chain's lumps.  Eqs. 5, 6 and 12.  `rotor` (njoint), in kg m²: the reflected inertia of what turns
     with a joint, and not with a link; None for none.
     """
 
     rotor: Array | None = None
+
+    kind: ClassVar[str] = "chain"
 
     @property
     def njoint(self) -> int:
@@ -56,21 +84,9 @@ class ChainLaw(ChainModel):
             **{kind: self.lumps.of(kind) for kind in FRICTION},
         }
 
-    def python(self) -> str:
-        """A Python module with a function `torque(q, qd)`, and `mass_matrix(q)` and `inverse_dynamics(q, qd, qdd)`
-        where inertia is known.
-        """
-        return _python("chain", self._constants)
-
-    def c(self, name: str) -> str:
-        """A C99 header with a function `NAME_torque(q, qd, torque)`, and `NAME_mass_matrix(q, matrix)` and
-        `NAME_inverse_dynamics(q, qd, qdd, torque)` where inertia is known.
-        """
-        return _c("chain", name, self._constants)
-
 
 @dataclass(frozen=True)
-class ArmLaw:
+class ArmLaw(_Written):
     """The rigid bodies and the friction of an arm.  Eqs. 49 to 51.
 
     Attributes:
@@ -83,6 +99,7 @@ class ArmLaw:
     parameters: Array
     friction: JointFriction | None = None
 
+    kind: ClassVar[str] = "arm"
     has_inertia: ClassVar[bool] = True
 
     @property
@@ -150,18 +167,6 @@ class ArmLaw:
             "coupled_rotor": friction.coupled_rotor,
         }
 
-    def python(self) -> str:
-        """As that of a chain; where dry friction has pre-sliding `inverse_dynamics` takes the `slip`, too, which
-        `slide(slip, dq)` keeps.
-        """
-        return _python("arm", self._constants)
-
-    def c(self, name: str) -> str:
-        """As that of a chain; where dry friction has pre-sliding there is `NAME_inverse_dynamics(q, qd, qdd, slip,
-        torque)`, with the slip that `NAME_slide(dq, slip)` keeps, or NULL.
-        """
-        return _c("arm", name, self._constants)
-
 
 Law = ChainLaw | ArmLaw  # either can be computed, and written in two languages
 
@@ -170,14 +175,6 @@ def c_name(name: str) -> str:
     """A word of C for a study of that `name`."""
     word = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_")
     return word if re.match(r"[A-Za-z]", word) else f"study_{word}".rstrip("_")
-
-
-def _python(kind: str, constants: Constants) -> str:
-    return _filled_in(f"{kind}.py", constants, "[]", "    ")
-
-
-def _c(kind: str, name: str, constants: Constants) -> str:
-    return _filled_in(f"{kind}.h", constants, "{}", "        ", name=name)
 
 
 def _filled_in(template: str, constants: Constants, brackets: str, indent: str, **words: str) -> str:
