@@ -27,7 +27,7 @@ from metaid.recorded.held_out import HeldOut
 from metaid.recorded.reading.readings import Record
 from metaid.recorded.weak_form.equations import Equations, Solution, equations_of, first_equations
 from metaid.recorded.weak_form.linear_model import LinearModel
-from metaid.recorded.weak_form.normal import ZERO
+from metaid.recorded.weak_form.normal import ZERO, solved
 from metaid.recorded.weak_form.possible import Possible, PossibleModel
 from metaid.recorded.weak_form.smoothed import Smoothed, smoothed, smoothed_together
 
@@ -226,9 +226,7 @@ def _nominal(equations: Equations) -> list[Solution]:
         precision[range(nbody), range(nbody)] += stiff
         shift = np.zeros(len(solution.values))
         shift[:nbody] = stiff * (bodies - solution.values[:nbody])
-        scales = 1.0 / np.sqrt(np.diag(precision))
-        moved = scales * np.linalg.solve(precision * np.outer(scales, scales), scales * shift)
-        return replace(solution, values=solution.values + moved)
+        return replace(solution, values=solution.values + solved(precision, shift))
 
     return [fixed(each) for each in equations.apart]
 
@@ -267,8 +265,7 @@ def _of_gains(equations: Equations, relative: Array) -> Array:
     moments = np.zeros((len(solution.values), len(relative)))
     for (columns, _), torques in zip(equations.beside_zeros(equations.torques), equations.torques, strict=True):
         moments += np.einsum("wajp,jk,wak->pk", columns, solution.weight, torques, optimize=True)
-    scale = 1.0 / np.sqrt(np.diag(solution.precision))
-    changes = scale[:, None] * np.linalg.solve(solution.precision * np.outer(scale, scale), scale[:, None] * moments)
+    changes = solved(solution.precision, moments)
     return np.asarray((changes * relative**2) @ changes.T, dtype=np.float64)
 
 

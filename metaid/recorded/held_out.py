@@ -205,7 +205,7 @@ class Yardstick:
         """
         return self.all_judged([(equations, solutions)], most)[0]
 
-    def all_judged(self, candidates: Sequence[tuple[Equations, Sequence[Solution]]], most: int = 0) -> list[HeldOut]:
+    def all_judged(self, candidates: Sequence[tuple[Equations, Sequence[Solution]]], most: int) -> list[HeldOut]:
         """The same of several equations with their solutions. Those that have a delay in common, and a model but for
         its friction, are simulated side by side, which takes little longer than one of them.
         """

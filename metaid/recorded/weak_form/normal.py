@@ -66,12 +66,17 @@ def eliminated(blocks: Blocks, nominal: Array, prior: Array, zeros: Array, are_u
             precision -= across @ inner @ across.T
             moment = moment - across @ inner @ target
             kept[int(log)] = inner, across, target
-    scale = 1.0 / np.sqrt(np.diag(precision))
-    values = scale * np.linalg.solve(precision * np.outer(scale, scale), scale * moment)
+    values = solved(precision, moment)
     changes = np.zeros_like(zeros)
     for log, (inner, across, target) in kept.items():
         changes[log] = inner @ (target - across.T @ values)
     return values, changes, precision
+
+
+def solved(precision: Array, moment: Array) -> Array:
+    """P⁻¹ m of a precision (n x n) and a moment (n, or n x m), whatever the units of the unknowns are."""
+    scale = 1.0 / np.sqrt(np.diag(precision))
+    return (scale * np.linalg.solve(precision * np.outer(scale, scale), (scale * moment.T).T).T).T
 
 
 def eliminated_covariance(inverse: Array, scores: Sequence[Array], lags: int) -> Array:
