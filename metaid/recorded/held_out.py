@@ -13,7 +13,6 @@ from metaid.models import Array
 from metaid.recorded.motion import AHEAD, Begun, Motion, simulated, starts_of
 from metaid.recorded.weak_form.equations import Equations, Solution
 from metaid.recorded.weak_form.folds import Fold
-from metaid.recorded.weak_form.linear_model import LinearModel
 from metaid.recorded.weak_form.normal import ZERO
 from metaid.recorded.weak_form.parts import SHIFT
 from metaid.recorded.weak_form.smoothed import Smoothed
@@ -166,28 +165,21 @@ class Yardstick:
         """Of each log what tells its zeros, and what passes the filter into it."""
         return [each.until(each.middle + FADES / each.cutoff) for each in self.logs]
 
-    def rows_of(self, fold: Fold, log: int, second_half: bool) -> NDArray[np.bool_]:
-        """Which rows of a log (nrow) a fold judges: with unknown zeros the second half of it alone."""
+    def _rows_of(self, equations: Equations, fold: Fold, log: int) -> NDArray[np.bool_]:
+        """Which rows of a log (nrow) a fold judges: with zeros that are or may be unknown its second half alone."""
         own = self.logs[log]
         inside = own.judged & fold.rows(log, own.times)
-        if second_half and fold.third is None:
+        if fold.third is None and (equations.zeros or equations.model.is_pendulum or self.of_halves):
             inside &= own.times >= own.middle
         return inside
 
-    def zeros_of(self, model: LinearModel, values: Array, log: int, delay: float) -> Array:
-        """The zeros of a log that was held out (njoint), in rad, from its first half.
-
-        Args:
-            model: what is unknown.
-            values: the unknowns (nparam).
-            log: which of the logs.
-            delay: by which torques act later than they are logged, in s.
-        """
-        own = self._first_halves[log]
+    def _zeros_of(self, equations: Equations, values: Array, log: int) -> Array:
+        """The zeros of a log that was held out (njoint), in rad, from its first half, by unknowns (nparam)."""
+        own, model = self._first_halves[log], equations.model
         first = own.judged & (own.times < self.logs[log].middle)
         zeros = np.zeros(model.njoint)
         shifts = SHIFT * np.vstack([zeros, np.eye(model.njoint)])
-        sent = own.acting(delay)
+        sent = own.acting(equations.delay)
         for _ in range(ZERO_STEPS):
             usual, *moved = own.predicted(model, values, zeros + shifts)[:, first]
             left = sent[first] - usual
@@ -235,15 +227,13 @@ class Yardstick:
 
     def _predicted(self, equations: Equations, solutions: Sequence[Solution]) -> tuple[Part, ...]:
         """Torques of all folds, each by a solution of its own."""
-        model, delay = equations.model, equations.delay
-        parts = []
+        model, parts = equations.model, []
         for number, (fold, solution) in enumerate(zip(self.folds, solutions, strict=True)):
             for log in fold.logs:
                 own, zeros = self.logs[log], solution.zeros[log]
                 if equations.zeros and fold.third is None:
-                    zeros = self.zeros_of(model, solution.values, log, delay)
-                rows = self.rows_of(fold, log, equations.zeros or model.is_pendulum or self.of_halves)
-                sent = own.acting(delay)
+                    zeros = self._zeros_of(equations, solution.values, log)
+                rows, sent = self._rows_of(equations, fold, log), own.acting(equations.delay)
                 left = sent - own.predicted(model, solution.values, zeros)
                 squares = own.squares(model, solution.values[: model.nbody], sent, left, rows)
                 counts = rows.sum() * ~own.held

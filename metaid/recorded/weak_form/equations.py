@@ -166,7 +166,8 @@ class Equations:
         largest = max(float(np.abs(torques).max()) for torques in self.torques) or 1.0
         every = np.concatenate([torques.reshape(-1, n) for torques in self.torques])
         usual, least = self._usual_errors(every, largest)
-        covariance, floor = self._without_untrusted(np.diag(usual), largest), np.diag(least)
+        unknown = model.untrusted, UNTRUSTED * largest**2  # has next to no weight
+        covariance, floor = _apart(np.diag(usual), *unknown), np.diag(least)
         passes = PASSES if self.zeros or "load" in model.friction else 1
         for step in range(passes):
             loads = loads_of(self.parts, model, values[: model.nbody], zeros)
@@ -177,8 +178,9 @@ class Equations:
                 blocks = self._blocks(rows, weight)
                 values, changes, precision = eliminated(blocks, nominal, prior, zeros, self.zeros and step > 0)
                 left = self._left(rows, values, changes)
-                covariance = self._of_held(left.T @ left / len(left))
-                covariance = self._without_untrusted(self._not_shrunk(covariance, values), largest)
+                covariance = left.T @ left / len(left)
+                covariance = _apart(covariance, self.held, float(np.diag(covariance).max()))
+                covariance = _apart(self._not_shrunk(covariance, values), *unknown)
             zeros = zeros + changes
         solution = Solution(values[:nparam], precision, prior, zeros, weight)
         return solution, rows, blocks
@@ -218,24 +220,9 @@ class Equations:
 
     @cached_property
     def held(self) -> NDArray[np.bool_]:
-        """Which joints (njoint) are held in all windows."""
+        """Which joints (njoint) are held in all windows: stiction bears what their torques do not show."""
         reaches = [np.ptp(part.windows.coordinates, axis=(0, 1)) for part in self.parts]
         return self.model.held(np.max(reaches, axis=0))
-
-    def _of_held(self, covariance: Array) -> Array:
-        """The covariance of what is left of a torque (njoint x njoint), where that of a joint that is held is as large
-        as any: stiction bears what it does not show.
-        """
-        moving = np.where(np.outer(~self.held, ~self.held), covariance, 0.0)
-        return np.asarray(moving + np.diag(np.where(self.held, np.diag(covariance).max(), 0.0)), dtype=np.float64)
-
-    def _without_untrusted(self, covariance: Array, largest: float) -> Array:
-        """The covariance of what is left of a torque (njoint x njoint), where what is not trusted has next to no
-        weight.
-        """
-        known = np.outer(~self.model.untrusted, ~self.model.untrusted)
-        unknown = UNTRUSTED * largest**2 * np.diag(self.model.untrusted.astype(float))
-        return np.where(known, covariance, unknown)
 
     def without(self, *folds: int) -> Solution:
         """The solution without the folds of these numbers, by the columns and weights of all."""
@@ -320,10 +307,11 @@ class Equations:
         """The columns of each log, and some `torques` of it (nwindow x ntest x njoint), both without what zeros
         explain.
         """
+        every = list(zip(self.columns, torques, strict=True))
         if not self.zeros:
-            return list(zip(self.columns, torques, strict=True))
-        nparam, weight = len(self.model.names), self.solution.weight
-        return [beside_zeros(own, each, nparam, weight) for own, each in zip(self._solved[1], torques, strict=True)]
+            return every
+        of_zeros = [rows[..., len(self.model.names) :] for rows in self._solved[1]]
+        return [beside_zeros(*each, own, self.solution.weight) for each, own in zip(every, of_zeros, strict=True)]
 
     @property
     def lags(self) -> int:
@@ -343,6 +331,11 @@ class Equations:
         inverse = np.linalg.inv(solution.precision * np.outer(scale, scale)) * np.outer(scale, scale)
         few = readings / max(readings - nparam, 1)
         return few * eliminated_covariance(inverse, scores, self.lags) + inverse @ solution.prior @ inverse
+
+
+def _apart(covariance: Array, which: NDArray[np.bool_], variance: float) -> Array:
+    """A covariance (njoint x njoint) where `which` joints (njoint) have this variance and none with others."""
+    return np.where(np.outer(~which, ~which), covariance, variance * np.diag(which.astype(float)))
 
 
 def equations_of(

@@ -92,21 +92,20 @@ def eliminated_covariance(inverse: Array, scores: Sequence[Array], lags: int) ->
     return np.asarray(inverse @ together @ inverse, dtype=np.float64)
 
 
-def beside_zeros(rows: Array, left: Array, nparam: int, weight: Array) -> tuple[Array, Array]:
-    """Columns of the unknowns and what is left of torques, both without what the zeros of a log explain.
+def beside_zeros(columns: Array, torques: Array, zero_columns: Array, weight: Array) -> tuple[Array, Array]:
+    """Columns of the unknowns and torques, both without what the zeros of a log explain.
 
     Args:
-        rows: columns of the unknowns, then of the zeros (nwindow x ntest x njoint x nparam + njoint).
-        left: of the torques (nwindow x ntest x njoint).
-        nparam: how many unknowns there are.
+        columns: of the unknowns (nwindow x ntest x njoint x nparam).
+        torques: averaged (nwindow x ntest x njoint), in N m or N.
+        zero_columns: of the zeros (nwindow x ntest x njoint x njoint).
         weight: of the joints (njoint x njoint).
     """
-    zero_columns = rows[..., nparam:]
     weighed = np.einsum("wajz,jk->wakz", zero_columns, weight)
     gram = np.einsum("wakz,waky->zy", weighed, zero_columns) + np.eye(zero_columns.shape[-1]) / ZERO**2
-    explained = np.linalg.solve(gram, np.einsum("wakz,wakp->zp", weighed, rows[..., :nparam]))
-    taken = np.linalg.solve(gram, np.einsum("wakz,wak->z", weighed, left))
-    return rows[..., :nparam] - zero_columns @ explained, left - zero_columns @ taken
+    explained = np.linalg.solve(gram, np.einsum("wakz,wakp->zp", weighed, columns))
+    taken = np.linalg.solve(gram, np.einsum("wakz,wak->z", weighed, torques))
+    return columns - zero_columns @ explained, torques - zero_columns @ taken
 
 
 def prior_of(model: LinearModel, rows: Sequence[Array], torques: Array, spread: float) -> Array:
