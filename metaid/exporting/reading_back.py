@@ -88,7 +88,7 @@ def file_torques(
         case ".xml" | ".urdf":
             return FileTorques(_by_mujoco(_loaded(path, gravity), q, v, a, joints))
         case ".toml":
-            return FileTorques(_by_mujoco(_chain(path), q, v, a, None))
+            return FileTorques(_by_mujoco(load_chain(path).model, q, v, a, None))
         case ".py":
             return _by_python(path, q, v, a)
         case ".h":
@@ -105,14 +105,6 @@ def _loaded(path: Path, gravity: Array | None) -> Any:
     if path.suffix == ".urdf" and gravity is not None:
         model.opt.gravity[:] = gravity
     return model
-
-
-def _chain(path: Path) -> Any:
-    """The model (mujoco.MjModel) of a plant file's chain."""
-    from metaid.plant.description import build_spec  # loads MuJoCo
-
-    plant = load_chain(path)
-    return build_spec(plant.chain, plant.gravity, plant.timestep).compile()
 
 
 def _by_mujoco(model: Any, q: Array, v: Array, a: Array, joints: Sequence[str] | None) -> Array:

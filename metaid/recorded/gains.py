@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from metaid.errors import RecordError
 from metaid.models import COARSEST, DEVIATIONS, Array
-from metaid.models.tree import Tree, torque_regressor
+from metaid.models.tree import torque_regressor
 from metaid.recorded.weak_form.equations import Equations, first_equations
 from metaid.recorded.weak_form.folds import THIRDS
 from metaid.recorded.weak_form.linear_model import LinearModel
@@ -94,16 +94,13 @@ class Gains:
         return words
 
 
-def drive_gains(
-    unloaded: Sequence[Smoothed], loaded: Sequence[tuple[Smoothed, Payload]], model: LinearModel, tree: Tree
-) -> Gains:
+def drive_gains(unloaded: Sequence[Smoothed], loaded: Sequence[tuple[Smoothed, Payload]], model: LinearModel) -> Gains:
     """The gains of the drives.  Eq. 74.
 
     Args:
         unloaded: the logs without a payload, on their grids.
         loaded: those with one.
-        model: what is unknown of the robot.
-        tree: the nominal robot, for where its joints are.
+        model: what is unknown of the robot, an arm.
 
     Raises:
         RecordError: the logs are too short, or the payload tells no gain.
@@ -117,7 +114,7 @@ def drive_gains(
         )
     payloads = [None] * len(unloaded) + [payload for _, payload in loaded]
     shapes = list(dict.fromkeys((each.mass, each.at) for each in payloads if each is not None))
-    columns = [_columns(part, model, tree, each, shapes) for part, each in zip(equations.parts, payloads, strict=True)]
+    columns = [_columns(part, model, each, shapes) for part, each in zip(equations.parts, payloads, strict=True)]
     found = np.array([_of_joint(equations, columns, joint) for joint in range(model.njoint)])
     reciprocal, deviation = found.T
     is_told = deviation < COARSEST * np.abs(reciprocal)
@@ -138,7 +135,6 @@ def drive_gains(
 def _columns(
     part: Part,
     model: LinearModel,
-    tree: Tree,
     payload: Payload | None,
     shapes: Sequence[tuple[float, tuple[float, ...] | None]],
 ) -> Array:
@@ -148,7 +144,6 @@ def _columns(
     Args:
         part: windows of a log.
         model: of the robot.
-        tree: where its joints are.
         payload: that it carries; None where there is none.
         shapes: mass and place of all payloads.
     """
@@ -158,9 +153,9 @@ def _columns(
     empty = np.zeros_like(friction)
     own = np.zeros((*friction.shape[:-1], len(shapes), FIRST))
     if payload is not None:
-        moments = windows.averaged(
-            torque_regressor(tree, windows.coordinates, windows.speeds, windows.accelerations)[..., -1, :FIRST]
-        )
+        assert model.prior is not None
+        motion = windows.coordinates, windows.speeds, windows.accelerations
+        moments = windows.averaged(torque_regressor(model.prior.nominal, *motion)[..., -1, :FIRST])
         which = shapes.index((payload.mass, payload.at))
         known, unknown = _of_payload(payload)
         own[..., which, 0] = moments @ known

@@ -222,7 +222,7 @@ def _gains(unloaded: Sequence[Record], loaded: Sequence[tuple[Record, Payload]],
         raise RecordError("payload: the robot is a planar chain of a plant file (allowed: an MJCF or URDF)")
     free, carrying = [smoothed(each) for each in unloaded], [(smoothed(each), payload) for each, payload in loaded]
     still = usual_still([*free, *(own for own, _ in carrying)])
-    return drive_gains(free, carrying, model.with_still(still), model.prior.nominal)
+    return drive_gains(free, carrying, model.with_still(still))
 
 
 def _with_shipped(logs: Sequence[Log] | Log) -> list[Log]:

@@ -54,7 +54,7 @@ def gains_of(payload: Payload, arm: Tree | None = None) -> Gains:
     """What logs of an arm say whose friction is another with the payload."""
     arm = arm or swinging_arm()
     free, load = record_of(arm), record_of(loaded(arm), rubs=1.3)
-    return drive_gains([smoothed(free)], [(smoothed(load), payload)], arm_model(wrong_tree(arm, 0)), arm)
+    return drive_gains([smoothed(free)], [(smoothed(load), payload)], arm_model(wrong_tree(arm, 0)))
 
 
 def table(record: Record) -> pd.DataFrame:
@@ -93,7 +93,7 @@ def test_payload_that_hardly_weighs_anything_is_refused() -> None:
     arm = swinging_arm()
     free, load = smoothed(record_of(arm)), smoothed(record_of(loaded(arm, 1e-3)))
     with pytest.raises(RecordError, match=r"payload: no gain is told to 10%, that of joint \S+ best"):
-        drive_gains([free], [(load, Payload("load", 1e-3))], arm_model(arm), arm)
+        drive_gains([free], [(load, Payload("load", 1e-3))], arm_model(arm))
 
 
 @pytest.fixture(scope="module")
