@@ -112,7 +112,7 @@ def estimate(
     model = model_of(plant, gravity)
     measured = absolute_of(model, absolute)
     model = model.with_coupled(tuple(dict.fromkeys((*pairs, *measured.coupled))))
-    model = replace(model, untrusted=_chosen("untrusted", untrusted, model))
+    model = replace(model, untrusted=_untrusted(untrusted, model))
     many = [log for log in _with_shipped(logs) if not any(_is_same(log, each.log) for each in payloads)]
     if not many:
         raise RecordError(f"no log{' without a payload' if payloads else ''} (allowed: one or more)")
@@ -121,7 +121,7 @@ def estimate(
         model.joints,
         _by_joint("scale", scale or {}, model, 1.0),
         _by_joint("zero", zero or {}, model, 0.0),
-        np.where(_by_joint("reversed", dict.fromkeys(reversed, 1.0), model, 0.0) > 0.0, -1.0, 1.0),
+        _by_joint("reversed", dict.fromkeys(reversed, -1.0), model, 1.0),
     )
     places = _places(order, model.joints)
     read_as = np.argsort(places)
@@ -256,11 +256,11 @@ def _by_joint(what: str, given: Mapping[str, float], model: LinearModel, usual: 
     return numbers
 
 
-def _chosen(what: str, names: Sequence[str], model: LinearModel) -> Any:
+def _untrusted(names: Sequence[str], model: LinearModel) -> Any:
     """Which joints (njoint) were named, not all of them."""
-    which = _by_joint(what, dict.fromkeys(names, 1.0), model, 0.0) > 0.0
+    which = _by_joint("untrusted", dict.fromkeys(names, 1.0), model, 0.0) > 0.0
     if which.all():
-        raise RecordError(f"{what}: every joint (allowed: some of {', '.join(model.joints)})")
+        raise RecordError(f"untrusted: every joint (allowed: some of {', '.join(model.joints)})")
     return which
 
 

@@ -187,7 +187,7 @@ def _thinned(found: RecordedEstimate, measured: Absolute) -> Check | None:
     stride = max(1, every.nwindow // MOST)
     parts = []
     for part in every.parts:
-        windows = part.windows.thinned(4)
+        windows = part.windows.thinned()
         few = windows.only(np.arange(0, len(windows), min(stride, max(1, len(windows) // 3))))
         moved = replace(few, coordinates=few.coordinates + zeros[part.log])
         parts.append(replace(part, windows=moved))

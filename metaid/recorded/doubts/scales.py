@@ -19,7 +19,6 @@ CORRELATED = 6.0  # rows that say as much as one, for errors last
 EXPLAINS = 0.5  # of what friction leaves of a joint's torque, squared: bodies that explain less tell no factor
 ROUNDING = 1e-9  # of the largest torque of nominal bodies: what a joint needs or carries beside it is rounding
 BESIDE = ("viscous", "coulomb", "offset")
-THINNED = 4  # nodes of a window: a factor need not be known as exactly as what is found
 
 
 @dataclass(frozen=True)
@@ -69,7 +68,7 @@ def scales_of(equations: Equations) -> Scales:
 
 def _carried(part: Part, model: LinearModel, zeros: Array) -> Array:
     """The averaged torque that holds the nominal bodies (nwindow x ntest x njoint), in N m or N."""
-    windows = part.windows.thinned(THINNED)
+    windows = part.windows.thinned()
     still = np.zeros_like(windows.speeds)
     return windows.averaged(model.rigid(model.nominal, windows.coordinates + zeros, still, still))
 

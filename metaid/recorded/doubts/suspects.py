@@ -22,7 +22,6 @@ from metaid.recorded.weak_form.parts import Part
 SIGNIFICANT = 4.0  # standard deviations from nothing: the verdict names it
 WORTH = 0.001  # of the torque that it must explain to be named
 SHIFT = 1e-5  # rad or m, for the derivative by an angle, and by where a joint is
-THINNED = 4  # nodes: what is suspected need not be known as exactly as what is found
 BENDS = 10.0  # times the speed below which dry friction is a share of its whole: there friction bends
 SCALE = 0.1  # how much the torques of a joint may be larger than they are said to be, a standard deviation
 MISSING = {
@@ -156,7 +155,7 @@ def _misplaced(equations: Equations, prior: ArmPrior, bodies: Array) -> Suspect:
     tree, base = prior.nominal, np.zeros_like(prior.values)
     base[prior.base.columns % len(PARAMETERS) < RIGID] = bodies
     parameters = prior.parameters_at(base)
-    windows = [part.windows.thinned(THINNED) for part in equations.parts]
+    windows = [part.windows.thinned() for part in equations.parts]
 
     def needed(moved: Tree) -> list[Array]:
         return [

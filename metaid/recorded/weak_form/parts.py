@@ -80,7 +80,7 @@ class Part:
 
     def zero_columns(self, model: LinearModel, values: Array, zeros: Array) -> Array:
         """How the averaged torque by unknowns (nparam) changes with each zero (nwindow x ntest x njoint x njoint)."""
-        windows, n = self.windows.thinned(4), model.njoint
+        windows, n = self.windows.thinned(), model.njoint
         shifts = SHIFT * np.vstack([np.zeros(n), np.eye(n)])
         moved = windows.coordinates + (zeros + shifts)[:, None, None]
         bodies, springs = values[: model.nbody], model.friction_at(values).of("spring")[:n]

@@ -22,6 +22,7 @@ DEGREES = {0.06: 4, 0.1: 5, 0.15: 4, 0.2: 6, 0.25: 4, 0.35: 4, 0.3: 8, 0.5: 10} 
 OVERLAP = 0.5  # of a window with the next
 MOST = 2_500, 10_000  # windows of a log, of robots with many joints and with few: of a longer one every second alone
 NODES = 32  # in a window, at which the model's torque is evaluated
+THINNED = 4  # one of so many nodes, where a torque need not be known as exactly
 AT_REST = 0.005  # of a joint's fastest speed: a window in which no joint is faster is left out
 SIDE_BY_SIDE = 50_000  # readings of windows that are fitted at once
 GAP = 0.15  # of a window without a reading: nobody knows which torques were sent there
@@ -72,9 +73,9 @@ class Windows:
         """Those of `which` (nwindow), or of these numbers."""
         return replace(self.mapped(lambda each: each[which]), middles=self.middles[which])
 
-    def thinned(self, every: int) -> Windows:
-        """The same with one of `every` nodes."""
-        kept = slice(every // 2, None, every)
+    def thinned(self) -> Windows:
+        """The same with few nodes."""
+        kept = slice(THINNED // 2, None, THINNED)
         return replace(self.mapped(lambda each: each[:, kept]), nodes=self.nodes[kept])
 
     def mapped(self, change: Callable[[Array], Array]) -> Windows:
