@@ -71,7 +71,7 @@ class _Meant:
     joint: int | None
     number: int | None
     is_wished: bool
-    is_said: bool = False
+    is_said: bool
 
 
 def understood(table: Table, joints: Sequence[str], mapping: Mapping[str, str]) -> Understood:
@@ -88,11 +88,7 @@ def understood(table: Table, joints: Sequence[str], mapping: Mapping[str, str]) 
     said_joints, said_columns = _joints_said(table, joints, mapping)
     names, said_units = called(table.columns, said_joints, said_columns, table.name)
     own_joints = _joints_called(names.values(), said_joints)
-    meant = [
-        replace(each, is_said=name != column)
-        for column, name in names.items()
-        if (each := _meaning(column, name, own_joints))
-    ]
+    meant = [each for column, name in names.items() if (each := _meaning(column, name, own_joints))]
     kinds, base = {}, None
     for kind in KINDS:
         kinds[kind], own = _of_kind(table, kind, meant, own_joints)
@@ -200,7 +196,7 @@ def _without(tokens: list[str], own: list[str]) -> list[str]:
 
 
 def _meaning(column: str, name: str, joints: Sequence[str]) -> _Meant | None:
-    """What a name means; None where it means nothing that is read."""
+    """What the name means that a column has, or that the user says; None where it means nothing that is read."""
     tokens = tokens_of(name)
     joint, rest = _joint_in(tokens, joints)
     if sum(map(rest.count, CHANGES)) == 1 and any(KIND_OF.get(each) == "angle" for each in rest):
@@ -208,14 +204,14 @@ def _meaning(column: str, name: str, joints: Sequence[str]) -> _Meant | None:
     kinds = [each for each in rest if each in KIND_OF]
     if len(kinds) != 1 or OTHERS & set(rest):
         return None
-    wished = bool(WISHED & set(rest))
+    how = bool(WISHED & set(rest)), name != column
     numbers = [int(each) for each in rest if each.isdigit()]
     if joint is not None:
-        return _Meant(column, KIND_OF[kinds[0]], joint, None, wished)
+        return _Meant(column, KIND_OF[kinds[0]], joint, None, *how)
     words = {each for each in rest if not each.isdigit()} - {kinds[0]} - PLAIN - WISHED
     if words or not (numbers or len(joints) == 1):
         return None
-    return _Meant(column, KIND_OF[kinds[0]], None, numbers[-1] if numbers else 1, wished)
+    return _Meant(column, KIND_OF[kinds[0]], None, numbers[-1] if numbers else 1, *how)
 
 
 def _joint_in(tokens: list[str], joints: Sequence[str]) -> tuple[int | None, list[str]]:
