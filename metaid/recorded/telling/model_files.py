@@ -8,7 +8,7 @@ import numpy as np
 
 from metaid.exporting import ArmLaw, Dynamics, couples_of, not_in_xml, springs_of
 from metaid.models import IDEAL, Chain, chain_of_lumps
-from metaid.models.tree import PARAMETERS, JointFriction, Tree
+from metaid.models.tree import Tree
 from metaid.recorded.estimating import RecordedEstimate
 
 
@@ -23,7 +23,9 @@ def dynamics_of(found: RecordedEstimate) -> Dynamics:
             "so bodies, viscous and Coulomb friction were fitted for it anew: left-out torques are predicted to "
             f"{found.simulator_held_out.relative:.2%} by these, to {found.held_out.relative:.2%} by the .py and .h",
         ]
-    simulator = _with_friction(found.simulator.tree, plain)
+    njoint = found.model.njoint
+    damping, coulomb = (np.maximum(plain.of(term)[:njoint], 0.0) for term in ("viscous", "coulomb"))
+    simulator = replace(found.simulator.tree, damping=damping, coulomb=coulomb)
     return Dynamics(
         law=ArmLaw(tree, tree.parameters, friction),
         tree=simulator,
@@ -33,13 +35,6 @@ def dynamics_of(found: RecordedEstimate) -> Dynamics:
         couples=couples_of(plain),
         springs=springs_of(plain),
     )
-
-
-def _with_friction(tree: Tree, friction: JointFriction) -> Tree:
-    parameters = tree.parameters.copy()
-    parameters[:, PARAMETERS.index("damping")] = np.maximum(friction.of("viscous")[: tree.njoint], 0.0)
-    parameters[:, PARAMETERS.index("coulomb")] = np.maximum(friction.of("coulomb")[: tree.njoint], 0.0)
-    return tree.with_parameters(parameters)
 
 
 def _chain(found: RecordedEstimate, nominal: Chain, tree: Tree) -> Chain | None:
