@@ -6,6 +6,7 @@ Statements and rows only; connections and transactions are those of `Store`.
 from __future__ import annotations
 
 import json
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -157,33 +158,26 @@ def detail_rows(
         distributions: of the factors, as Optuna's JSON (nsearched).
         digest: of the study.
     """
-    rows: dict[sa.Table, list[dict[str, Any]]] = {
-        TRIAL_PARAMS: [
-            {"trial_id": i, "param_name": name, "param_value": value, "distribution_json": distribution}
-            for i, trial in zip(ids, trials, strict=True)
-            for name, value, distribution in zip(names, trial.factors.tolist(), distributions, strict=True)
-        ],
-        TRIAL_VALUES: [
-            {"trial_id": i, "objective": 0, "value": trial.outcome.value, "value_type": FINITE_VALUE}
-            for i, trial in zip(ids, trials, strict=True)
-            if not trial.outcome.fell
-        ],
-        TRIAL_INTERMEDIATE_VALUES: [
-            {
+    rows: dict[sa.Table, list[dict[str, Any]]] = defaultdict(list)
+    for i, trial in zip(ids, trials, strict=True):
+        fell, value = trial.outcome.fell, trial.outcome.value
+        if not fell:
+            rows[TRIAL_VALUES].append({"trial_id": i, "objective": 0, "value": value, "value_type": FINITE_VALUE})
+        if trial.state != TrialState.FAIL:
+            rows[TRIAL_INTERMEDIATE_VALUES].append({
                 "trial_id": i,
                 "step": trial.outcome.steps,
-                "intermediate_value": None if trial.outcome.fell else trial.outcome.value,
-                "intermediate_value_type": NO_INTERMEDIATE_VALUE if trial.outcome.fell else FINITE_INTERMEDIATE_VALUE,
-            }
-            for i, trial in zip(ids, trials, strict=True)
-            if trial.state != TrialState.FAIL
-        ],
-        TRIAL_ATTRIBUTES: [
+                "intermediate_value": None if fell else value,
+                "intermediate_value_type": NO_INTERMEDIATE_VALUE if fell else FINITE_INTERMEDIATE_VALUE,
+            })  # fmt: skip
+        rows[TRIAL_PARAMS] += [
+            {"trial_id": i, "param_name": name, "param_value": factor, "distribution_json": distribution}
+            for name, factor, distribution in zip(names, trial.factors.tolist(), distributions, strict=True)
+        ]
+        rows[TRIAL_ATTRIBUTES] += [
             {"trial_id": i, "key": key, "value_json": text}
-            for i, trial in zip(ids, trials, strict=True)
             for key, text in {MARK: mark_of(digest, trial.number), **_attributes(trial)}.items()
-        ],
-    }
+        ]
     return {table: of_table for table, of_table in rows.items() if of_table}
 
 
