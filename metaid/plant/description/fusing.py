@@ -91,21 +91,24 @@ class Whole:
         """Where the moving joints are at these `coordinates` (njoint), and their axes (njoint x 3 each), in the base's
         frame.
         """
-        data = mujoco.MjData(self.model)
-        data.qpos[:] = self.at(coordinates)
-        mujoco.mj_kinematics(self.model, data)
+        data = self.posed(coordinates)
         return data.xanchor[list(self.joints)].copy(), data.xaxis[list(self.joints)].copy()
 
     def tip_at(self, coordinates: Array) -> Array:
         """Where the last link ends (3): as far beyond its centre of mass as that is from its joint."""
-        data = mujoco.MjData(self.model)
-        data.qpos[:] = self.at(coordinates)
-        mujoco.mj_kinematics(self.model, data)
+        data = self.posed(coordinates)
         bodies = np.flatnonzero(np.array(self.link_of) == len(self.joints) - 1)
         weights = self.model.body_mass[bodies]
         centre = weights @ data.xipos[bodies] / weights.sum()
         tip: Array = 2.0 * centre - data.xanchor[self.joints[-1]]
         return tip
+
+    def posed(self, coordinates: Array) -> mujoco.MjData:
+        """Where everything is when the joints that move have these `coordinates` (njoint)."""
+        data = mujoco.MjData(self.model)
+        data.qpos[:] = self.at(coordinates)
+        mujoco.mj_kinematics(self.model, data)
+        return data
 
     def at(self, coordinates: Array) -> Array:
         """Coordinates of all joints of the model (nq) where those that move have these `coordinates` (njoint)."""
@@ -127,9 +130,7 @@ def joint_name(model: mujoco.MjModel, joint: int) -> str:
 def fuse(whole: Whole) -> Tree:
     """The serial arm that moves as the whole file does while the other joints are held."""
     model, njoint = whole.model, len(whole.joints)
-    data = mujoco.MjData(model)
-    data.qpos[:] = whole.at(np.zeros(njoint))
-    mujoco.mj_kinematics(model, data)
+    data = whole.posed(np.zeros(njoint))
     origin = data.xanchor[list(whole.joints)]
     frames = data.xmat[model.jnt_bodyid[list(whole.joints)]].reshape(-1, 3, 3)
     before_origin = np.concatenate([np.zeros((1, 3)), origin[:-1]])

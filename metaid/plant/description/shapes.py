@@ -29,9 +29,7 @@ class Surface:
 
 def surfaces(whole: Whole, coordinates: Array) -> list[Surface]:
     """The surfaces of all shapes of the file at joint `coordinates` (njoint). Floors and terrains are left out."""
-    model, data, links = whole.model, mujoco.MjData(whole.model), whole.link_of
-    data.qpos[:] = whole.at(coordinates)
-    mujoco.mj_kinematics(model, data)
+    model, data, links = whole.model, whole.posed(coordinates), whole.link_of
     found = []
     for geom in range(model.ngeom):
         corners = _triangles(model, geom)
