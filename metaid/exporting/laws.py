@@ -35,15 +35,14 @@ class _Written(ABC):
 
     def python(self) -> str:
         """A Python module with a function `torque(q, qd)`, and `mass_matrix(q)` and `inverse_dynamics(q, qd, qdd)`
-        where inertia is known; where dry friction has pre-sliding the last takes the `slip`, too, which `slide(slip,
-        dq)` keeps.
+        where inertia is known. With pre-sliding the last takes the `slip`, too, which `slide(slip, dq)` keeps.
         """
         return _filled_in(f"{self.kind}.py", self._constants, "[]", "    ")
 
     def c(self, name: str) -> str:
         """A C99 header with a function `NAME_torque(q, qd, torque)`, and `NAME_mass_matrix(q, matrix)` and
-        `NAME_inverse_dynamics(q, qd, qdd, torque)` where inertia is known; where dry friction has pre-sliding
-        `NAME_inverse_dynamics(q, qd, qdd, slip, torque)`, with the slip that `NAME_slide(dq, slip)` keeps, or NULL.
+        `NAME_inverse_dynamics(q, qd, qdd, torque)` where inertia is known. With pre-sliding the last takes the `slip`
+        before the torque, which `NAME_slide(dq, slip)` keeps, or NULL.
         """
         return _filled_in(f"{self.kind}.h", self._constants, "{}", "        ", name=name)
 

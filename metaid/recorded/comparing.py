@@ -69,10 +69,10 @@ class Candidate(NamedTuple):
 
 
 class Search:
-    """Equations by the length of their windows, with nothing chosen (`by_span`), and how well each choice predicts."""
+    """Equations by the length of their windows (`by_span`), and how well each choice predicts."""
 
     def __init__(self, logs: Sequence[Smoothed], model: LinearModel, spans: Sequence[float]) -> None:
-        """Windows may be of some lengths, in s.  Raises RecordError where the logs are too short for any of them."""
+        """Nothing is chosen yet.  Raises RecordError where logs are too short for windows of any length, in s."""
         every = [each for span in spans if (each := equations_of(logs, model, span)) is not None]
         if not every:
             names = ", ".join(own.record.name for own in logs)

@@ -263,7 +263,8 @@ def _of_gains(equations: Equations, relative: Array) -> Array:
     """
     solution = equations.solution
     moments = np.zeros((len(solution.values), len(relative)))
-    for (columns, _), torques in zip(equations.beside_zeros(equations.torques), equations.torques, strict=True):
+    beside = equations.beside_zeros(equations.torques)
+    for (columns, _), torques in zip(beside, equations.torques, strict=True):
         moments += np.einsum("wajp,jk,wak->pk", columns, solution.weight, torques, optimize=True)
     changes = solved(solution.precision, moments)
     return np.asarray((changes * relative**2) @ changes.T, dtype=np.float64)

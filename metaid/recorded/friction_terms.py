@@ -101,9 +101,8 @@ def _worth(search: Search, best: Candidate, further: Sequence[Further]) -> list[
         found[number] = each
     for what, each in zip(names, found, strict=True):
         search.noted(what, each, best)
-    return [
-        each for each, gains in zip(found, gaining, strict=True) if each.is_worth(best) or each.is_worth(best, gains)
-    ]
+    every = zip(found, gaining, strict=True)
+    return [each for each, gains in every if each.is_worth(best) or each.is_worth(best, gains)]
 
 
 def _finer(

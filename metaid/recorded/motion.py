@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from metaid.models import Array
 from metaid.models.tree import JointFriction
+from metaid.recorded.reading.readings import straight
 from metaid.recorded.weak_form.linear_model import LinearModel
 from metaid.recorded.weak_form.smoothed import Smoothed
 
@@ -37,8 +38,7 @@ class Begun:
     def sent(self, delay: float) -> Array:
         """The torques that act (nstart x nstep x njoint), each at the middle of a period of the grid."""
         own = self.own
-        middles = own.times + 0.5 * own.period - delay
-        sent = np.stack([np.interp(middles, own.times, column) for column in own.sent.T], axis=1)
+        sent = straight(own.times + 0.5 * own.period - delay, own.times, own.sent)
         return np.asarray(sent[self.starts[:, None] + np.arange(_reach(own.period))], dtype=np.float64)
 
 

@@ -56,8 +56,8 @@ class Own:
     def table(self, key: Any, value: Any, keys: Sequence[Any], kind: type) -> NDArray[Any]:
         """The values under some keys of every trial, in order (ntrial x nkey); of no trial if one lacks any of them.
 
-        A trial has a key at most once and the DB's own order of keys is the same for all, so nothing but values is
-        read, unless there are trials of others in between.
+        A trial has a key at most once, in an order that is the DB's own for all: so nothing but values is read, unless
+        there are trials of others in between.
 
         Args:
             key: the column of the keys.
@@ -66,8 +66,8 @@ class Own:
             kind: of the values: int or float.
 
         Raises:
-            ValueError: a value is not of that kind.
-            TypeError: a value is not of that kind.
+            ValueError: a value is of another kind.
+            TypeError: a value is of another kind.
         """
         where = TRIALS.c.study_id == self.study_id, key.in_(keys)
         query = sa.select(value).select_from(value.table.join(TRIALS)).where(*where).order_by(TRIALS.c.trial_id, key)
@@ -162,7 +162,8 @@ def detail_rows(
     for i, trial in zip(ids, trials, strict=True):
         fell, value = trial.outcome.fell, trial.outcome.value
         if not fell:
-            rows[TRIAL_VALUES].append({"trial_id": i, "objective": 0, "value": value, "value_type": FINITE_VALUE})
+            measured = {"objective": 0, "value": value, "value_type": FINITE_VALUE}
+            rows[TRIAL_VALUES].append({"trial_id": i, **measured})
         if trial.state != TrialState.FAIL:
             rows[TRIAL_INTERMEDIATE_VALUES].append({
                 "trial_id": i,

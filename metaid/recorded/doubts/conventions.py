@@ -109,8 +109,9 @@ class Check:
         """The same with other `windows`, and other `torques` of the joints (nrow x njoint)."""
         parts = []
         for part in self.equations.parts:
-            record = part.smoothed.record.with_torques(torques(part.smoothed.record.torques))
-            parts.append(replace(part, windows=windows(part.windows), smoothed=replace(part.smoothed, record=record)))
+            record = part.smoothed.record
+            own = replace(part.smoothed, record=record.with_torques(torques(record.torques)))
+            parts.append(replace(part, windows=windows(part.windows), smoothed=own))
         return replace(self, equations=replace(self.equations, parts=tuple(parts)))
 
 
@@ -244,7 +245,8 @@ def suspected(check: Check) -> Iterator[Suspected]:
                 continue
             option = gravity_option(direction)
             if option not in check.leaning:
-                check.leaning[option] = arm_model(replace(tree, gravity=direction)).with_friction(model.friction)
+                leaning = arm_model(replace(tree, gravity=direction))
+                check.leaning[option] = leaning.with_friction(model.friction)
             other = check.leaning[option].with_coupled(model.sliding.coupled).with_still(model.sliding.still)
             other = replace(other, untrusted=model.untrusted)
             text = "gravity points elsewhere in the frame of the base"

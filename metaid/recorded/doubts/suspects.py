@@ -66,7 +66,8 @@ def examined(equations: Equations, values: Array, suspect: Suspect) -> tuple[Arr
     moment = np.zeros(nparam + nother)
     squares, total = np.zeros(nother), 0.0
     wide, left = [], equations.left(values)
-    for own, columns, missed, torques in zip(equations.columns, suspect.columns, left, equations.torques, strict=True):
+    logs = equations.columns, suspect.columns, left, equations.torques
+    for own, columns, missed, torques in zip(*logs, strict=True):
         wide.append(np.concatenate([own, columns], axis=-1))
         weighed = np.einsum("ij,wajp->waip", weight, wide[-1])
         gram += np.einsum("waip,waiq->pq", weighed, wide[-1], optimize=True)

@@ -54,7 +54,7 @@ class Understood:
         return self.table.load(list(wanted))
 
     def on_rate(self, rate: float) -> Understood:
-        """The same of a table without times that has so many rows a second.  Raises RecordError where it has times."""
+        """The same with so many rows a second.  Raises RecordError where it has times."""
         if self.times:
             raise RecordError(f"{self.table.name}: has times, in '{self.times[0]}' (allowed: --rate for logs without)")
         return replace(self, table=self.table.on_rate(rate), times=("time",), unit="s")
@@ -196,7 +196,7 @@ def _without(tokens: list[str], own: list[str]) -> list[str]:
 
 
 def _meaning(column: str, name: str, joints: Sequence[str]) -> _Meant | None:
-    """What the name means that a column has, or that the user says; None where it means nothing that is read."""
+    """What a column's own name, or the user's for it, means; None where that is nothing that is read."""
     tokens = tokens_of(name)
     joint, rest = _joint_in(tokens, joints)
     if sum(map(rest.count, CHANGES)) == 1 and any(KIND_OF.get(each) == "angle" for each in rest):

@@ -17,7 +17,7 @@ from metaid.models import Array
 from metaid.recorded.reading.columns import Understood
 from metaid.recorded.reading.formats import Table
 from metaid.recorded.reading.mapping import KINDS
-from metaid.recorded.reading.readings import Repair, counted
+from metaid.recorded.reading.readings import Repair, counted, straight
 from metaid.recorded.reading.times import numeric_times
 
 
@@ -41,7 +41,8 @@ def merged(pieces: Sequence[Understood]) -> Understood:
             f"{named}: no times, and {rows:,} rows where {clock.table.name} has others (allowed: as many)"
         )
     timed = [clock, *(piece for piece in used if piece.times and piece is not clock)]
-    times = dict(zip(timed, _times([[frames[each][name] for name in each.times] for each in timed]), strict=True))
+    clocks = [[frames[piece][name] for name in piece.times] for piece in timed]
+    times = dict(zip(timed, _times(clocks), strict=True))
     found: dict[str, Array | pd.Series] = {"time": times[clock]}
     for kind, piece in owners.items():
         read = frames[piece][[each for each in piece.kinds[kind] if each]]
@@ -93,5 +94,5 @@ def sampled_at(times: Array, own: Array, frame: pd.DataFrame, holds: bool) -> Ar
     if holds:
         sampled = read[np.maximum(np.searchsorted(own, times, side="right") - 1, 0)]
     else:
-        sampled = np.stack([np.interp(times, own, column) for column in read.T], axis=1)
+        sampled = straight(times, own, read)
     return np.where(inside[:, None], sampled, np.nan)

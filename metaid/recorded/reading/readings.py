@@ -108,6 +108,13 @@ def counted(count: int, what: str) -> str:
     return f"{count:,} {what}{'' if count == 1 else 's'}"
 
 
+def straight(times: Array, own: Array, read: Array) -> Array:
+    """What was `read` (nrow x ncolumn) at its `own` times (nrow), straight between two of these at others (...): (... x
+    ncolumn).
+    """
+    return np.stack([np.interp(times, own, column) for column in read.T], axis=-1)
+
+
 def noise_of(read: Array) -> Array:
     """The standard deviation of the noise of each joint (njoint), by what `read` (nrow x njoint) leaves of a parabola:
     third differences have 20 times the variance of the noise. That of rounding at least, which a sensor hides that

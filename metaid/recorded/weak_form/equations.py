@@ -310,8 +310,9 @@ class Equations:
         every = list(zip(self.columns, torques, strict=True))
         if not self.zeros:
             return every
-        of_zeros = [rows[..., len(self.model.names) :] for rows in self._solved[1]]
-        return [beside_zeros(*each, own, self.solution.weight) for each, own in zip(every, of_zeros, strict=True)]
+        nparam, weight = len(self.model.names), self.solution.weight
+        of_zeros = [rows[..., nparam:] for rows in self._solved[1]]
+        return [beside_zeros(*each, own, weight) for each, own in zip(every, of_zeros, strict=True)]
 
     @property
     def lags(self) -> int:

@@ -239,12 +239,13 @@ class LinearModel:
 
     def with_presliding(self, presliding: Array | float, joints: NDArray[np.bool_] | bool = True) -> LinearModel:
         """The same with dry friction that builds up over displacements of some `joints` (njoint each), in rad or m."""
-        sliding = self.sliding
-        return replace(self, sliding=replace(sliding, presliding=np.where(joints, presliding, sliding.presliding)))
+        every = np.where(joints, presliding, self.sliding.presliding)
+        return replace(self, sliding=replace(self.sliding, presliding=every))
 
     def with_bent(self, bent: Array, joints: NDArray[np.bool_] | bool = True) -> LinearModel:
         """The same with dry friction that bends at these speeds of some `joints` (njoint each), in rad/s or m/s."""
-        return replace(self, sliding=replace(self.sliding, bent=np.where(joints, bent, self.sliding.bent)))
+        every = np.where(joints, bent, self.sliding.bent)
+        return replace(self, sliding=replace(self.sliding, bent=every))
 
     def with_coupled(self, coupled: tuple[tuple[int, int], ...]) -> LinearModel:
         """The same with these pairs of joints, from 0 on, whose motors are coupled."""

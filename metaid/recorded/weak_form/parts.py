@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from metaid.models import Array
+from metaid.recorded.reading.readings import straight
 from metaid.recorded.weak_form.linear_model import LinearModel
 from metaid.recorded.weak_form.smoothed import Smoothed
 from metaid.recorded.weak_form.windows import Windows
@@ -75,8 +76,7 @@ class Part:
         """The state of dry friction at nodes (nwindow x nnode x nmotor)."""
         if not model.sliding.builds_up:
             return model.sliding.at(self.windows.speeds)
-        states = self.smoothed.states(model)
-        return np.stack([np.interp(self.windows.times, self.smoothed.times, state) for state in states.T], axis=-1)
+        return straight(self.windows.times, self.smoothed.times, self.smoothed.states(model))
 
     def zero_columns(self, model: LinearModel, values: Array, zeros: Array) -> Array:
         """How the averaged torque by unknowns (nparam) changes with each zero (nwindow x ntest x njoint x njoint)."""

@@ -52,7 +52,7 @@ class Possible:
     """
 
     def __init__(self, equations: Equations, fastest: Array) -> None:
-        """Of what some equations tell, and speeds of the joints that these hardly exceed (njoint), in rad/s or m/s."""
+        """Of what equations tell, and the speeds that joints hardly exceed (njoint), in rad/s or m/s."""
         model, scale = equations.model, equations.scale
         self._model, self._scale, self._fastest = model, scale, fastest
         self._friction = np.arange(model.nbody, len(model.names))

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.models import Array
-from metaid.recorded.reading.readings import Record
+from metaid.recorded.reading.readings import Record, straight
 from metaid.recorded.weak_form.linear_model import LinearModel
 
 ANGLES = 20.0  # Hz
@@ -105,7 +105,7 @@ class Smoothed:
         """The torques that acted (nrow x njoint), in N m or N, `delay` in s later than logged, through the filter."""
         if not delay:
             return self.torques
-        return np.stack([np.interp(self.times - delay, self.times, column) for column in self.torques.T], axis=1)
+        return straight(self.times - delay, self.times, self.torques)
 
     def predicted(self, model: LinearModel, values: Array, zeros: Array) -> Array:
         """The torques (... x nrow x njoint) by unknowns (nparam), where the encoders have these zeros (... x njoint),
@@ -202,14 +202,12 @@ def smoothed(record: Record) -> Smoothed:
     period = max(record.period, FINEST, (record.times[-1] - record.times[0]) / longest)
     times = np.arange(record.times[0], record.times[-1], period)
     regular = np.arange(record.times[0], record.times[-1], record.period)
-    angles = np.stack([np.interp(regular, record.times, column) for column in record.angles.T], axis=1)
-    angles = low_pass(angles, ANGLES, record.period)
-    coordinates = np.stack([np.interp(times, regular, column) for column in angles.T], axis=1)
+    angles = low_pass(straight(regular, record.times, record.angles), ANGLES, record.period)
+    coordinates = straight(times, regular, angles)
     speeds = np.gradient(coordinates, period, axis=0)
     sums = np.vstack([np.zeros(record.njoint), np.cumsum(record.torques[:-1] * np.diff(record.times)[:, None], axis=0)])
     edges = np.append(times - 0.5 * period, times[-1] + 0.5 * period)
-    total = np.stack([np.interp(edges, record.times, column) for column in sums.T], axis=1)
-    sent = np.diff(total, axis=0) / period
+    sent = np.diff(straight(edges, record.times, sums), axis=0) / period
     sent[0], sent[-1] = record.torques[0], record.torques[-1]
     return Smoothed(
         record,
