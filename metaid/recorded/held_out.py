@@ -22,7 +22,7 @@ ZERO_STEPS = 3  # of Newton's, for the zeros of a log that was held out
 
 
 @dataclass(frozen=True)
-class Part:
+class LeftOutLog:
     """What was predicted of one log of a `fold` that has `nlog` of them, in its `rows`, so many of each joint (njoint):
     sums of `squares` of what was missed and of the `whole` (njoint each), by these unknowns (nparam) and zeros
     (njoint).
@@ -52,7 +52,7 @@ class HeldOut:
 
     by: str
     joints: tuple[str, ...]
-    parts: tuple[Part, ...] = field(repr=False)
+    parts: tuple[LeftOutLog, ...] = field(repr=False)
     simulated: tuple[Motion, ...] = field(repr=False)
 
     @cached_property
@@ -225,7 +225,7 @@ class Yardstick:
             for (equations, _), parts, motions in zip(candidates, predicted, moved, strict=True)
         ]
 
-    def _predicted(self, equations: Equations, solutions: Sequence[Solution]) -> tuple[Part, ...]:
+    def _predicted(self, equations: Equations, solutions: Sequence[Solution]) -> tuple[LeftOutLog, ...]:
         """Torques of all folds, each by a solution of its own."""
         model, parts = equations.model, []
         for number, (fold, solution) in enumerate(zip(self.folds, solutions, strict=True)):
@@ -237,11 +237,11 @@ class Yardstick:
                 left = sent - own.predicted(model, solution.values, zeros)
                 squares = own.squares(model, solution.values[: model.nbody], sent, left, rows)
                 counts = rows.sum() * ~own.held
-                parts.append(Part(number, log, len(fold.logs), rows, counts, *squares, solution.values, zeros))
+                parts.append(LeftOutLog(number, log, len(fold.logs), rows, counts, *squares, solution.values, zeros))
         return tuple(parts)
 
 
-def _relative(parts: Sequence[Part]) -> float:
+def _relative(parts: Sequence[LeftOutLog]) -> float:
     """The error of some parts together, as a share of what the torques are."""
     whole = sum(float(part.whole.sum()) for part in parts)
     return float(np.sqrt(sum(float(part.squares.sum()) for part in parts) / max(whole, 1e-300)))

@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 from metaid.errors import PlantError, usable_mujoco
 from metaid.plant.asked import SCHEME, refuse_absurd_sizes
 from metaid.plant.description.mending import mend_urdf
-from metaid.plant.description.repairing import Repair, repair_inertias, repair_joints
+from metaid.plant.description.repairing import BodyRepair, repair_inertias, repair_joints
 
 with usable_mujoco():
     import mujoco
@@ -25,15 +25,15 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
-class Compiled:
+class CompiledFile:
     """The `model` of a whole file, the meshes that cannot be loaded (`lost`), and what was mended."""
 
     model: mujoco.MjModel
     lost: tuple[str, ...] = ()
-    repairs: tuple[Repair, ...] = ()
+    repairs: tuple[BodyRepair, ...] = ()
 
 
-def compile_file(path: Path, is_urdf: bool) -> Compiled:
+def compile_file(path: Path, is_urdf: bool) -> CompiledFile:
     """The compiled whole of an MJCF or URDF. Meshes that cannot be loaded are left out where only shapes are lost.
     Textures that cannot be loaded are left out, too. What is impossible is repaired. A link of a URDF weighs what its
     `<inertial>` says, and nothing without.
@@ -59,7 +59,7 @@ def compile_file(path: Path, is_urdf: bool) -> Compiled:
     return replace(compiled, repairs=(*mended, *compiled.repairs, *repair_joints(compiled.model)))
 
 
-def _read(path: Path, is_urdf: bool) -> tuple[mujoco.MjSpec, tuple[Repair, ...]]:
+def _read(path: Path, is_urdf: bool) -> tuple[mujoco.MjSpec, tuple[BodyRepair, ...]]:
     """The file as it is, or a URDF such as MuJoCo reads it, and what was mended in it."""
     if is_urdf:
         with suppress(ElementTree.ParseError, ValueError, LookupError):  # MuJoCo says so, or is less strict
@@ -82,16 +82,16 @@ def _prepare(spec: mujoco.MjSpec, path: Path, is_urdf: bool) -> None:
         mesh.file = _found(mesh.file, path)
 
 
-def _compile(spec: mujoco.MjSpec, path: Path, is_urdf: bool) -> Compiled:
+def _compile(spec: mujoco.MjSpec, path: Path, is_urdf: bool) -> CompiledFile:
     """The file as it is, else without what cannot be loaded, else with inertias that can be."""
     with suppress(*_BROKEN):
-        return Compiled(spec.copy().compile())
+        return CompiledFile(spec.copy().compile())
     lost = _leave_out_lost_meshes(spec, path)
     _leave_out_textures(spec)
     with suppress(*_BROKEN):
-        return Compiled(spec.copy().compile(), lost)
+        return CompiledFile(spec.copy().compile(), lost)
     repairs = repair_inertias(spec, lambda body: is_urdf or _weighs_as_said(spec, body) or not body.geoms)
-    return Compiled(spec.compile(), lost, repairs)
+    return CompiledFile(spec.compile(), lost, repairs)
 
 
 def _attempt(path: Path, what: str, do: Callable[[], T]) -> T:

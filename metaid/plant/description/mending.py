@@ -6,12 +6,12 @@ from collections import Counter
 from collections.abc import Iterator
 from xml.etree.ElementTree import Element, SubElement
 
-from metaid.plant.description.repairing import Repair
+from metaid.plant.description.repairing import BodyRepair
 
 SEVERAL = {"link": ("visual", "collision")}  # that may stand more than once in an element
 
 
-def mend_urdf(root: Element) -> tuple[Repair, ...]:
+def mend_urdf(root: Element) -> tuple[BodyRepair, ...]:
     """Takes away what stands a second time within a link or joint, and an XML namespace of all; declares links on which
     joints hang and that are nowhere else. What was mended, but for the namespace and Drake's `world`.
     """
@@ -19,7 +19,7 @@ def mend_urdf(root: Element) -> tuple[Repair, ...]:
         if isinstance(element.tag, str):  # and no comment
             element.tag = element.tag.rpartition("}")[2]
     texts = [*_once(root), *_declared(root)]
-    return tuple(Repair(text, ("",)) for text in texts)
+    return tuple(BodyRepair(text, ("",)) for text in texts)
 
 
 def _once(root: Element) -> Iterator[str]:

@@ -24,7 +24,7 @@ _UPPER = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # of a full inertia i
 
 
 @dataclass(frozen=True)
-class Repair:
+class BodyRepair:
     """What was repaired in a body, as a sentence without a full stop, and the names of the joints (empty where they
     have none) by which it hangs on the base.
     """
@@ -37,7 +37,7 @@ class Repair:
         return any(not joint or joint in moving for joint in self.joints)
 
 
-def repair_inertias(spec: mujoco.MjSpec, is_said: Callable[[mujoco.MjsBody], bool]) -> tuple[Repair, ...]:
+def repair_inertias(spec: mujoco.MjSpec, is_said: Callable[[mujoco.MjsBody], bool]) -> tuple[BodyRepair, ...]:
     """Makes impossible inertias possible, and gives moving bodies some where they have none; what was changed. Only
     bodies whose mass and inertia are said by the file, and do not follow from shapes, are looked at.
     """
@@ -50,18 +50,20 @@ def repair_inertias(spec: mujoco.MjSpec, is_said: Callable[[mujoco.MjsBody], boo
         if is_said(body):
             text = _possible(body, least) or (_with_some(body) if body.joints else "")
             if text:
-                made.append(Repair(text, tuple(_joints(body))))
+                made.append(BodyRepair(text, tuple(_joints(body))))
     return tuple(made)
 
 
-def repair_joints(model: mujoco.MjModel) -> tuple[Repair, ...]:
+def repair_joints(model: mujoco.MjModel) -> tuple[BodyRepair, ...]:
     """Makes friction and rotors below 0 none, in a compiled model; what was changed."""
     made = []
     for key in ("armature", "damping", "frictionloss"):
         values = getattr(model, f"dof_{key}")
         for degree in np.flatnonzero(values < 0.0).tolist():
             name = model.joint(int(model.dof_jntid[degree])).name
-            made.append(Repair(f"joint '{name}' has {key} {values[degree]:g}, which no joint has: 0 is taken", (name,)))
+            made.append(
+                BodyRepair(f"joint '{name}' has {key} {values[degree]:g}, which no joint has: 0 is taken", (name,))
+            )
             values[degree] = 0.0
     return tuple(made)
 
