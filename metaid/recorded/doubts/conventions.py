@@ -21,7 +21,7 @@ from metaid.recorded.weak_form.equations import Equations
 from metaid.recorded.weak_form.linear_model import LinearModel
 from metaid.recorded.weak_form.nominal import arm_model
 from metaid.recorded.weak_form.possible import Possible
-from metaid.recorded.weak_form.windows import Windows
+from metaid.recorded.weak_form.windows import LogWindows
 
 NAMED = 0.75  # of the torque that the model leaves unexplained: a fact that leaves less is named
 WRONG = 0.08  # of the torque, that must be unexplained for a fact to be looked for
@@ -103,7 +103,7 @@ class Check:
 
     def _mended(
         self,
-        windows: Callable[[Windows], Windows] = lambda own: own,
+        windows: Callable[[LogWindows], LogWindows] = lambda own: own,
         torques: Callable[[Array], Array] = lambda sent: sent,
     ) -> Check:
         """The same with other `windows`, and other `torques` of the joints (nrow x njoint)."""

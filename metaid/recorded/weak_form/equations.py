@@ -26,7 +26,7 @@ from metaid.recorded.weak_form.normal import (
 )
 from metaid.recorded.weak_form.parts import Part, loads_of
 from metaid.recorded.weak_form.smoothed import Smoothed
-from metaid.recorded.weak_form.windows import Windows, cut_windows, usual_degree
+from metaid.recorded.weak_form.windows import LogWindows, cut_windows, usual_degree
 
 LASTS = 0.3  # s: how long an error of the model lasts at least
 ROUNDS = 3  # of the covariance across joints
@@ -99,7 +99,7 @@ class Equations:
         return [part.windows.middles for part in self.parts]
 
     @property
-    def finest(self) -> Windows:
+    def finest(self) -> LogWindows:
         """The shortest windows: those of a log that is read rarely are longer."""
         return min((part.windows for part in self.parts), key=lambda windows: windows.span)
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from metaid.models import Array
 from metaid.recorded.weak_form.smoothed import Smoothed
-from metaid.recorded.weak_form.windows import Windows
+from metaid.recorded.weak_form.windows import LogWindows
 
 MOST_FOLDS = 8  # logs are held out in so many groups at most
 WHOLE = 3  # so many logs or more: whole ones are held out
@@ -57,7 +57,7 @@ class Fold:
         own = [(times >= span.begin) & (times < span.end) for span in self.spans if span.log == log]
         return np.any(own, axis=0) if own else np.zeros(times.shape, dtype=np.bool_)
 
-    def shared(self, log: int, windows: Windows) -> NDArray[np.bool_]:
+    def shared(self, log: int, windows: LogWindows) -> NDArray[np.bool_]:
         """Which windows (nwindow) of a log share any time with what is held out."""
         own = [windows.overlapping(span.begin, span.end) for span in self.spans if span.log == log]
         return np.any(own, axis=0) if own else np.zeros(len(windows), dtype=np.bool_)

@@ -14,7 +14,7 @@ from metaid.models import Array
 from metaid.recorded.reading.readings import straight
 from metaid.recorded.weak_form.linear_model import LinearModel
 from metaid.recorded.weak_form.smoothed import Smoothed
-from metaid.recorded.weak_form.windows import Windows
+from metaid.recorded.weak_form.windows import LogWindows
 
 SHIFT = 1e-5  # rad or m, for derivatives by a zero
 CHUNK = 2_000_000  # numbers at nodes that are made at a time
@@ -31,7 +31,7 @@ class Part:
     """
 
     log: int
-    windows: Windows
+    windows: LogWindows
     smoothed: Smoothed
 
     def rows(self, model: LinearModel, load: Array, zeros: Array) -> Array:

@@ -32,7 +32,7 @@ ODD, EVEN = TESTS[0].integ().coef[1::2], TESTS[1].integ().coef[::2]  # coefficie
 
 
 @dataclass(frozen=True)
-class Windows:
+class LogWindows:
     """Windows of a log, half overlapping, in which the plant moves.
 
     Attributes:
@@ -69,16 +69,16 @@ class Windows:
         half = 0.5 * self.span
         return np.asarray((self.middles + half > begin) & (self.middles - half < end), dtype=np.bool_)
 
-    def only(self, which: NDArray[np.bool_] | NDArray[np.intp]) -> Windows:
+    def only(self, which: NDArray[np.bool_] | NDArray[np.intp]) -> LogWindows:
         """Those of `which` (nwindow), or of these numbers."""
         return replace(self.mapped(lambda each: each[which]), middles=self.middles[which])
 
-    def thinned(self) -> Windows:
+    def thinned(self) -> LogWindows:
         """The same with few nodes."""
         kept = slice(THINNED // 2, None, THINNED)
         return replace(self.mapped(lambda each: each[:, kept]), nodes=self.nodes[kept])
 
-    def mapped(self, change: Callable[[Array], Array]) -> Windows:
+    def mapped(self, change: Callable[[Array], Array]) -> LogWindows:
         """The same with coordinates, speeds and accelerations (nwindow x nnode x njoint each) changed in the same
         way.
         """
@@ -135,7 +135,7 @@ def usual_degree(span: float) -> int:
     return DEGREES[min(DEGREES, key=lambda each: abs(np.log(each / span)))]
 
 
-def cut_windows(record: Record, span: float, power: int) -> Windows | None:
+def cut_windows(record: Record, span: float, power: int) -> LogWindows | None:
     """The windows of a log in which the robot moves; None where there is none with readings enough.
 
     In a window's own time s, from −1 to 1, the angles are a sum of Legendre polynomials.
@@ -171,7 +171,7 @@ def cut_windows(record: Record, span: float, power: int) -> Windows | None:
     moves = (fastest > AT_REST * np.quantile(fastest, 0.95, axis=0)).any(axis=1) & (fastest > 0.0).any(axis=1)
     if not moves.any():
         return None
-    return Windows(
+    return LogWindows(
         span,
         power,
         middles[is_kept][moves],
