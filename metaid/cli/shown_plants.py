@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from metaid.cli.common import number_text, print_json, print_table, warn
+from metaid.exporting import Spring
 from metaid.models import Array, lump_names, lump_unit
 from metaid.models.tree import PARAMETERS, planar_chain
 from metaid.plant import ArmPlant, ArmSettings, MujocoPlant, PlantSettings, SocketSettings
@@ -119,7 +120,11 @@ def _arm(settings: ArmSettings, name: str, as_json: bool) -> None:
         rows,
         f"{settings.kind} {Path(settings.file).name}; gravity {_three(tree.gravity)} m/s², timestep {arm.timestep} s"
         + "".join(f"; {name} {value}" for name, value in settings.faults.named.items())
-        + "".join(_spring(joint) for joint in joints if joint["stiffness"])
+        + "".join(
+            f"; a spring in {name}, {Spring(i, arm.stiffness[i], arm.slack[i]).text(bool(tree.slides[i]))}"
+            for i, name in enumerate(tree.names)
+            if arm.stiffness[i]
+        )
         + (f"; meshes that cannot be loaded, so that nothing keeps clear of them: {len(lost)}" if lost else ""),
         words=["kind"],
         dispensable=["home", "kind"],
@@ -152,13 +157,6 @@ def _lump_rows(names: Sequence[str], true: Array | None) -> list[dict[str, Any]]
 def _print_lumps(title: str, lumps: Sequence[dict[str, Any]]) -> None:
     rows = [[lump["name"], number_text(lump["true"]), lump["unit"]] for lump in lumps]
     print_table(title, ["lump", "value", "unit"], rows, words=["unit"])
-
-
-def _spring(joint: dict[str, Any]) -> str:
-    """The spring of a joint, as more of a sentence."""
-    turn, move = ("m", "N/m") if joint["kind"] == "slide" else ("rad", "N m/rad")
-    stiffness, slack = number_text(joint["stiffness"]), number_text(joint["slack"])
-    return f"; a spring in {joint['name']}, {stiffness} {move}, slack at {slack} {turn}"
 
 
 def _finite(value: float) -> float | None:

@@ -50,6 +50,11 @@ class Spring:
     stiffness: float
     slack: float
 
+    def text(self, is_slide: bool) -> str:
+        """Its numbers in words."""
+        turn, move = ("m", "N/m") if is_slide else ("rad", "N m/rad")
+        return f"{self.stiffness:.6g} {move}, slack at {self.slack:.6g} {turn}"
+
 
 def springs_of(friction: JointFriction) -> tuple[Spring, ...]:
     """The springs beside a `friction`; a constant torque in their joints moves where they are slack."""
@@ -178,12 +183,8 @@ def urdf(tree: Tree, name: str, heading: Sequence[str]) -> str:
 
 def without_springs(tree: Tree, springs: Sequence[Spring]) -> list[str]:
     """What a file that holds no `springs` lacks, in sentences without a full stop."""
-    said = []
-    for spring in springs:
-        turn, move = ("m", "N/m") if tree.slides[spring.joint] else ("rad", "N m/rad")
-        where = f"{spring.stiffness:.6g} {move}, slack at {spring.slack:.6g} {turn}"
-        said.append(f"this file has no springs; joint {tree.names[spring.joint]} has one of {where}")
-    return said
+    named = ((tree.names[each.joint], each.text(bool(tree.slides[each.joint]))) for each in springs)
+    return [f"this file has no springs; joint {name} has one of {text}" for name, text in named]
 
 
 def not_in_urdf(tree: Tree, couples: Sequence[Couple] = ()) -> list[str]:
