@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.exporting.laws import ArmLaw, ChainLaw, Law
-from metaid.exporting.xml_files import Couple, Spring
+from metaid.exporting.xml_files import Couple
 from metaid.models import FRICTION, Array, Chain, Lumps, chain_of_lumps
-from metaid.models.tree import ArmPrior, Tree, planar_tree, possible_bodies
+from metaid.models.tree import ArmPrior, Spring, Tree, planar_tree, possible_bodies
 
 EXACT = 1e-9  # by which lumps may differ from a chain's: rounding
 _PARTS = ("rotor", "damping", "coulomb")

@@ -11,7 +11,7 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 
 from metaid.models import Array
-from metaid.models.tree import JointFriction, Tree
+from metaid.models.tree import JointFriction, Spring, Tree
 
 UNKNOWN = 1e9  # a URDF must name a limit of speed and torque: where none is known it is this, in SI units
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)  # what those who read a URDF, which has none, take
@@ -34,26 +34,6 @@ class Couple:
     rotor: float
     viscous: float
     coulomb: float
-
-
-@dataclass(frozen=True)
-class Spring:
-    """A spring in a joint, as an MJCF can hold it.
-
-    Attributes:
-        joint: from 0 on.
-        stiffness: in N m/rad, of a slide in N/m.
-        slack: the joint coordinate at which it is, in rad or m.
-    """
-
-    joint: int
-    stiffness: float
-    slack: float
-
-    def text(self, is_slide: bool) -> str:
-        """Its numbers in words."""
-        turn, move = ("m", "N/m") if is_slide else ("rad", "N m/rad")
-        return f"{self.stiffness:.6g} {move}, slack at {self.slack:.6g} {turn}"
 
 
 def springs_of(friction: JointFriction) -> tuple[Spring, ...]:

@@ -15,7 +15,7 @@ from metaid.models.tree.bodies import (
     pseudo_inertia,
 )
 from metaid.models.tree.dynamics import Dynamics, arm_dynamics, joint_mass_matrix
-from metaid.models.tree.joint_friction import COLUMNS, SHARED, JointFriction, Sliding, friction_torque
+from metaid.models.tree.joint_friction import COLUMNS, SHARED, JointFriction, Sliding, Spring, friction_torque
 from metaid.models.tree.known_bodies import KnownBodies, body_quantities, known_bodies
 from metaid.models.tree.misplaced import MISPLACED, last_link_turned, misplaced
 from metaid.models.tree.model_error import ModelError, difference, model_error, torque_half_width, torque_rows

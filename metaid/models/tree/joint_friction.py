@@ -212,3 +212,23 @@ class JointFriction:
         """What the rotors of coupled motors add to the mass matrix (... x njoint x njoint), in kg m²."""
         turning = self.sliding.of_motors(np.eye(self.sliding.njoint))[:, self.sliding.njoint :]
         return np.asarray((turning * self.coupled_rotor[..., None, :]) @ turning.T, dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class Spring:
+    """A spring in a joint, as an MJCF can hold it: −k (q − q₀), slack at q₀.
+
+    Attributes:
+        joint: from 0 on.
+        stiffness: in N m/rad, of a slide in N/m.
+        slack: the joint coordinate at which it is, in rad or m.
+    """
+
+    joint: int
+    stiffness: float
+    slack: float
+
+    def text(self, is_slide: bool) -> str:
+        """Its numbers in words."""
+        turn, move = ("m", "N/m") if is_slide else ("rad", "N m/rad")
+        return f"{self.stiffness:.6g} {move}, slack at {self.slack:.6g} {turn}"
