@@ -206,7 +206,7 @@ class Experiment:
         """What is `compared` says of the robot; None where no robot shows what was seen."""
         if isinstance(compared, Innovations) and self.torque_noise is not None:
             return fit_with_torque_noise(compared, begin, self.torque_noise)
-        found: Found | None = fit(compared, begin, restarts, refines=self.unknowns.leads_on)
+        found: Found | None = fit(compared, begin, restarts, refines=self.loop is None or self.unknowns.leads_on)
         return found
 
     def unmodelled(self, trials: Sequence[Any], estimate: Found) -> list[Unmodelled]:

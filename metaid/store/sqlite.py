@@ -178,7 +178,7 @@ class OpenFile:
 
     def __init__(self, path: Path) -> None:
         self._path = path.absolute()
-        self._opened = _identity(self._path)
+        self._opened = _identity(_stat(self._path))
         self._size = 0  # bytes, when it was last looked at; while it is in use it only grows
 
     def before_connect(self, _dialect: Any, _record: Any, arguments: list[Any], options: dict[str, Any]) -> None:
@@ -217,9 +217,9 @@ class OpenFile:
                 )
 
     def _refuse_another(self) -> None:
-        now = _identity(self._path)
-        size = 0 if now is None else self._path.stat().st_size
-        if now is None or now != self._opened or size < self._size:
+        now = _stat(self._path)
+        size = 0 if now is None else now.st_size
+        if now is None or _identity(now) != self._opened or size < self._size:
             raise StorageError(
                 f"{self._path}: the file was {'deleted or moved' if now is None else 'replaced'} while it was in use: "
                 f"put it back, with {self._path.name}-wal if there is one, and go on; trials that were only in it are "
@@ -228,13 +228,17 @@ class OpenFile:
         self._size = size
 
     def _companions(self) -> list[Identity | None]:
-        return [_identity(self._path.with_name(self._path.name + ending)) for ending in COMPANIONS]
+        return [_identity(_stat(self._path.with_name(self._path.name + ending))) for ending in COMPANIONS]
 
 
-def _identity(path: Path) -> Identity | None:
-    """Which file is at `path` now; None where there is none."""
+def _stat(path: Path) -> os.stat_result | None:
+    """Of the file at `path` now; None where there is none."""
     try:
-        found = path.stat()
+        return path.stat()
     except OSError:
         return None
-    return found.st_dev, found.st_ino
+
+
+def _identity(found: os.stat_result | None) -> Identity | None:
+    """Which file was `found`; None where there was none."""
+    return None if found is None else (found.st_dev, found.st_ino)

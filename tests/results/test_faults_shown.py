@@ -138,7 +138,7 @@ def test_estimate_begins_with_that_of_the_first_trials_that_show_something(tmp_p
     assert estimate is not None
     experiment, (first, *others) = estimate.seen()
     experiment, trials = replace(experiment, remembered={}), (replace(first, steps=0 * first.steps), *others)
-    found = estimate_of(experiment, trials, is_probed=True)
+    found = estimate_of(experiment, trials)
     begun = experiment.estimate(trials[:2])
     assert found is not None
     assert found.taken_up.kinds == begun.faults.searched.kinds == ("delay",)

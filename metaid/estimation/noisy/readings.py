@@ -177,7 +177,7 @@ class Readings:
         costs = self._of_each(cost)
         return np.inf if costs is None else sum(costs)
 
-    def by_joint(self, point: Array) -> tuple[Array, ...]:
+    def by_joint(self, point: Array, _: Residuals | None = None) -> tuple[Array, ...]:
         """Root mean square of the residuals of each trial (npush x njoint) on the longest window seen, scaled by the
         noise; NaN where a push was not seen.
         """

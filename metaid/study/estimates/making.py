@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -44,23 +44,23 @@ def study_estimate(
     """
     with threadpool_limits(1):  # at these sizes BLAS threads cost far more than they give
         experiment, watched, others = watched_trials(problem, trials, foreign)
-        return None if experiment is None else estimate_of(experiment, watched, problem.is_matching, others)
+        return None if experiment is None else estimate_of(experiment, watched, others)
 
 
-def estimate_of(experiment: Any, trials: tuple[Any, ...], is_probed: bool, by_others: int = 0) -> StudyEstimate | None:
-    """The estimate from all `trials` of an `experiment`; None where there is none to be made.
+def estimate_of(experiment: Any, trials: tuple[Any, ...], by_others: int = 0) -> StudyEstimate | None:
+    """The estimate from all `trials` of an `experiment`, `by_others` of the last not metaid's own; None where there is
+    none to be made.
 
-    Args:
-        experiment: of the study.
-        trials: as the experiment has them.
-        is_probed: whether the first of them are the probes of a sampler. An estimate is better begun from that of the
-            probes alone than from the nominal model, for squares of a motion that nearly coasts carry no sign.
-        by_others: how many of the last trials are not metaid's own.
+    It is better begun from that of the first trials alone than from the nominal model: a few windows of one trial are
+    soon fitted, all of many from there in a step or two, and squares of a motion that nearly coasts carry no sign.
     """
-    leads_on = experiment.unknowns.leads_on
-    first = range(experiment.probes, min(experiment.probes + PROBED, len(trials))) if is_probed or leads_on else ()
-    early = (experiment.estimate(trials[:count], thorough=not leads_on) for count in first)
-    probed = next((each for each in early if each is not None), None)
+
+    @cache
+    def begun(of: Any, count: int) -> Any:
+        return of.estimate(trials[:count])
+
+    first = range(experiment.probes, min(experiment.probes + PROBED, len(trials)))
+    probed = next((early for count in first if (early := begun(experiment, count)) is not None), None)
     estimate = experiment.estimate(trials, probed)
     if estimate is None:
         return None
@@ -81,29 +81,31 @@ def estimate_of(experiment: Any, trials: tuple[Any, ...], is_probed: bool, by_ot
         searching.held_out(trials, estimate) if left and not experiment.counts else None,
         None if estimate.is_explained else experiment.proposed(trials, estimate),
     )
-    return replace(found, known_from=_known_from(found, searching, trials, probed if leads_on else None))
+    follows = probed is not None and experiment.unknowns.leads_on
+    early = (lambda count: searching.estimate(trials[:count], probed)) if follows else partial(begun, searching)
+    return replace(found, known_from=_known_from(found, searching, len(trials), early))
 
 
-def _known_from(found: StudyEstimate, experiment: Any, trials: tuple[Any, ...], probed: Any) -> int | None:
+def _known_from(found: StudyEstimate, experiment: Any, ntrial: int, early_of: Callable[[int], Any]) -> int | None:
     """How many of the first trials were enough for an estimate; None where that is not said.
 
     Args:
         found: of all trials.
         experiment: of the study, with all that was found.
-        trials: as it has them.
-        probed: the estimate of the first of them, from where all others follow; None where each begins anew.
+        ntrial: how many trials there are.
+        early_of: the estimate of so many of the first.
     """
     if not found.explains or experiment.counts:
         return None
     final, reach = found.estimate, CLOSE * experiment.unknowns.scale
 
     def is_enough(count: int) -> bool:
-        if count == len(trials):
+        if count == ntrial:
             return True
-        early = experiment.estimate(trials[:count], probed, probed is None)
+        early = early_of(count)
         return early is not None and bool(np.abs(early.unknowns - final.unknowns).max() <= reach)
 
-    return first_enough(experiment.probes, min(len(trials), FIRST_TRIALS), is_enough)  # fewer cannot tell all
+    return first_enough(experiment.probes, min(ntrial, FIRST_TRIALS), is_enough)  # fewer cannot tell all
 
 
 def first_enough(fewest: int, most: int, is_enough: Callable[[int], bool]) -> int | None:
