@@ -68,7 +68,8 @@ class Checkout:
 
 
 def _row_name(row: Row) -> str:
-    return " ".join(str(value) for value in row.values() if isinstance(value, str)) or f"{row['links']} links"
+    named = [value for value in row.values() if isinstance(value, str)]
+    return " ".join([f"{row['links']} links", *named] if "links" in row else named)
 
 
 def compare(other: Path, benchmark: str, rounds: int) -> dict[str, list[float]]:

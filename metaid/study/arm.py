@@ -29,8 +29,6 @@ class StudiedArm:
     """A nominal arm, how candidates differ from it, and how it is pushed."""
 
     tilts = 2  # axes about which a base may be tilted
-    window_budget = 8_000_000  # bytes a study
-    most_windows = most_readings = 8  # trials that keep them where the sampler does without the estimate
     draws_candidates = False  # for a picture: bounds are too far away for what is between them
     faint, gentler = "push more, or faster", "begin nearer, or slower, or let motors give more"
     all_fell = "a push fell in every trial: begin nearer, or slower"

@@ -43,8 +43,6 @@ class StudiedChain:
     """A nominal chain, how candidates differ from it, and how it is pushed."""
 
     tilts = 1  # axes about which a base may be tilted
-    window_budget = 4_000_000  # bytes a study
-    most_windows, most_readings = 32, 12  # trials that keep them where the sampler does without the estimate
     draws_candidates = True  # a picture of candidates within the bounds shows something
     faint, gentler = "push more, or harder", "push less (episode.peak_speed), or let motors give more"
     all_fell, far_off = "no trial survived: raise search.high, or start higher", ""

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from metaid.compiled import Objective
     from metaid.estimation import Experiment
 
-READING_BUDGET = 16_000_000  # bytes of readings a study, before they are made a text
-MOST_TRIALS = 32  # that an estimate is made of
+WINDOW_BUDGET, READING_BUDGET = 8_000_000, 16_000_000  # bytes a study, before they are made a text
+MOST_TRIALS, MOST_BESIDE = 32, 12  # that an estimate is made of, and where the sampler does without it
 
 
 class Problem:
@@ -193,12 +193,11 @@ class Problem:
     @property
     def trials_with_windows(self) -> int:
         """How many trials, from the first on, keep their windows in the DB: as many as an estimate is made of, and
-        their budget holds.
+        WINDOW_BUDGET holds.
         """
-        episode, robot = self.episode, self.robot
+        episode = self.episode
         size = episode.npush * episode.njoint * len(episode.window_ends) * QUANTITIES * 8
-        most = MOST_TRIALS if self.is_matching else robot.most_windows
-        return int(min(most, robot.window_budget // size)) if size else 0
+        return min(self._most_shown, WINDOW_BUDGET // size) if size else 0
 
     @property
     def trials_with_readings(self) -> int:
@@ -207,8 +206,11 @@ class Problem:
         """
         episode, quantities = self.episode, 2 if self.spec.faults.speed_sensor else 1
         size = episode.npush * episode.njoint * (episode.readings_steps + 1) * quantities * 8
-        most = MOST_TRIALS if self.is_matching else self.robot.most_readings
-        return int(min(most, READING_BUDGET // size)) if self.spec.keeps_readings else 0
+        return min(self._most_shown, READING_BUDGET // size) if self.spec.keeps_readings else 0
+
+    @property
+    def _most_shown(self) -> int:
+        return MOST_TRIALS if self.is_matching else MOST_BESIDE
 
     @property
     def can_be_estimated(self) -> bool:

@@ -68,7 +68,7 @@ def test_trials_of_three_links_have_windows_of_four_kilobytes_that_plain_optuna_
 @pytest.mark.slow
 def test_windows_end_with_the_budget_whoever_runs_the_study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Which trials have them depends on their number alone, not on workers or on how often a run was stopped."""
-    monkeypatch.setattr("metaid.study.chain.StudiedChain.window_budget", 35_000)
+    monkeypatch.setattr("metaid.study.problem.WINDOW_BUDGET", 35_000)
     store = Store(str(tmp_path / "metaid.db"), create=True)
     spec = load_study("three-link-coast", {"trials": 30})
     kept = Problem(spec).trials_with_windows
