@@ -35,7 +35,7 @@ def test_every_study_stands_by_the_estimate_that_explains_what_was_seen(estimate
         assert (shown["verdict"], shown["reasons"], shown["source"]) == ("found", [], "estimate")
         assert shown["misfit"] == estimate["misfit"] < estimate["explained_below"]
         assert estimate["explains"]
-        assert estimate["trials"] == min(shown["trials"]["total"], 32)
+        assert estimate["trials"] == min(shown["trials"]["total"], 12)
         assert 1 <= estimate["known_from"] <= 2
         assert shown["max_error"] < 1e-9
         assert [lump["name"] for lump in shown["lumps"]][-3:] == INERTIA
@@ -56,7 +56,7 @@ def test_how_many_trials_were_enough_is_found_with_few_estimates(wanted: int) ->
     assert first_enough(2, 1, is_enough) is None
 
 
-@pytest.mark.parametrize(("name", "which"), [("matched", "all 2 trials"), ("searched", "the first 32 trials")])
+@pytest.mark.parametrize(("name", "which"), [("matched", "all 2 trials"), ("searched", "the first 12 trials")])
 def test_estimate_is_shown_once_with_what_it_is_worth(metaid: Metaid, estimated: Path, name: str, which: str) -> None:
     """One table of all lumps; below it how early they were known, the misfit, and last of all the verdict."""
     shown = metaid("study", "show", name, "--storage", str(estimated))
@@ -68,7 +68,7 @@ def test_estimate_is_shown_once_with_what_it_is_worth(metaid: Metaid, estimated:
     assert shown.verdict[0].startswith("FOUND: 9 lumps, each to within ")
 
 
-@pytest.mark.parametrize(("name", "which"), [("hidden", "all 4 trials"), ("hidden-searched", "the first 32 trials")])
+@pytest.mark.parametrize(("name", "which"), [("hidden", "all 4 trials"), ("hidden-searched", "the first 12 trials")])
 def test_model_that_explains_nothing_leaves_no_number(metaid: Metaid, estimated: Path, name: str, which: str) -> None:
     """Every lump is said to be not found; no interval, no error; the verdict names the misfit."""
     done = metaid("study", "show", name, "--storage", str(estimated))

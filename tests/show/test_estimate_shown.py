@@ -40,7 +40,7 @@ def note(name: str, estimated: Path) -> str:
     [
         (words, "matched", "all 2 trials"),
         (note, "matched", "all 2 trials"),
-        (note, "searched", "the first 32 trials"),
+        (note, "searched", "the first 12 trials"),
     ],
 )
 def test_report_and_note_show_the_estimate_with_its_intervals(

@@ -49,7 +49,7 @@ def test_text_of_a_stranger_that_is_none_is_refused(text: str) -> None:
 def test_trials_of_three_links_have_windows_of_four_kilobytes_that_plain_optuna_reads(tmp_path: Path) -> None:
     """A user attribute like any other, and the same as the motion that was recorded."""
     storage = str(tmp_path / "metaid.db")
-    store, spec = Store(storage, create=True), load_study("three-link-coast", {"trials": 20})
+    store, spec = Store(storage, create=True), load_study("three-link-coast", {"trials": 12})
     create_study(store, spec)
     run_study(store, "three-link-coast")
     problem = Problem(spec)

@@ -171,7 +171,7 @@ def test_only_the_first_trials_carry_motion() -> None:
     study.optimize(metaid.objective(STUDY), 20)
     study.optimize(metaid.objective(STUDY), 20)
     carry = ["windows" in trial.user_attrs for trial in study.trials]
-    assert carry == [True] * 32 + [False] * 8
+    assert carry == [True] * 12 + [False] * 28
 
 
 def test_threads_and_other_processes_evaluate_what_their_trial_suggests() -> None:
