@@ -22,7 +22,7 @@ from metaid.recorded.estimating import MANY_STARTS, RecordedEstimate, estimate_r
 from metaid.recorded.gains import Gains, Payload, drive_gains
 from metaid.recorded.given import Given
 from metaid.recorded.held_out import HeldOut, Yardstick
-from metaid.recorded.reading.log import Intake, every_run
+from metaid.recorded.reading.log import Intake, every_run, short_names
 from metaid.recorded.reading.readings import Record
 from metaid.recorded.reading.stretches import Stretches, refuse_unknown, without
 from metaid.recorded.telling.judging import judge_records
@@ -126,7 +126,11 @@ def estimate(
     places = _places(order, model.joints)
     read_as = np.argsort(places)
     slides, untrusted_read, endless = (each[read_as] for each in (model.slides, model.untrusted, model.endless))
-    intake = Intake(model.joints, slides, columns or {}, topic, untrusted_read, endless, law is None, _rate(rate))
+    held_out = _with_shipped(validate)
+    every = *many, *held_out, *(each.log for each in payloads)
+    named = short_names(str(log) for log in every if not isinstance(log, pd.DataFrame))
+    needed = law is None, _rate(rate), named
+    intake = Intake(model.joints, slides, columns or {}, topic, untrusted_read, endless, *needed)
 
     def read(every: Sequence[Log], first: int) -> tuple[Record, ...]:
         found = tuple(record.mapped(lambda read: read[:, places]) for record in every_run(intake, every, first))
@@ -139,7 +143,6 @@ def estimate(
             found = tuple(_compensated(record, compensated) for record in found)
         return tuple(measured.record(given.meant(record)) for record in found)
 
-    held_out = _with_shipped(validate)
     records, others = read(many, 1), read(held_out, len(many) + 1)
     after = len(many) + len(held_out) + 1
     loaded = [(record, each) for number, each in enumerate(payloads, after) for record in read([each.log], number)]

@@ -13,7 +13,7 @@ import numpy as np
 
 from metaid.models import Array
 from metaid.recorded.absolute import Absolute, absolute_of
-from metaid.recorded.doubts.contacts import brief_contact
+from metaid.recorded.doubts.contacts import contacts
 from metaid.recorded.doubts.conventions import (
     LOST,
     NAMED,
@@ -61,7 +61,7 @@ def facts_of(found: RecordedEstimate, measured: Absolute | None = None) -> tuple
     driven = tuple(_driven(name) for name in np.array(found.model.joints)[dead].tolist())
     check = _thinned(found, absolute_of(found.model) if measured is None else measured)
     named = driven if check is None else (*_confirmed(check, found), *driven)
-    contact = None if named else brief_contact(found)
+    contact = None if named else contacts(found)
     return named if contact is None else (contact,)
 
 

@@ -45,6 +45,7 @@ class Intake:
         endless: which joints (njoint) turn without an end; None: none of them.
         needs_torques: whether the torques must be in it; where not, and they are missing, they are 0.
         rate: rows a second of logs without times; None: logs have times.
+        names: by the path of a log what it is called; where there is none its file is.
     """
 
     joints: Sequence[str]
@@ -55,6 +56,7 @@ class Intake:
     endless: NDArray[np.bool_] | None = None
     needs_torques: bool = True
     rate: float | None = None
+    names: Mapping[str, str] = field(default_factory=dict)
 
     def pieces(self, log: str | Path | pd.DataFrame, number: int) -> list[Understood]:
         """The tables in a log, of a bag one a topic; a frame has its `number` as its name.  Raises as `every_run`."""
@@ -67,7 +69,7 @@ class Intake:
         piece = self._complete(pieces)
         readings = in_seconds(self._measured(piece), piece.unit)
         refuse_few_rows(readings)
-        name = Path(piece.table.name).name
+        name = self.names.get(piece.table.name, Path(piece.table.name).name)
         parts = begins_again(readings)
         if len(parts) > 1:
             text = f"the clock was set back {counted(len(parts) - 1, 'time')}: {len(parts)} runs"
@@ -191,6 +193,17 @@ def _without_holes(readings: Record) -> Record:
         )
     text = f"{counted(count, 'row')} without a number left out, the first {first}"
     return readings.rows(~bad).repaired("no number", count, text)
+
+
+def short_names(paths: Iterable[str]) -> dict[str, str]:
+    """By their paths what logs are called: files, with the folders that tell those of one name apart."""
+    every = {path: Path(path).parts for path in paths}
+    names = {}
+    for path, parts in every.items():
+        alike = (sum(other[-count:] == parts[-count:] for other in every.values()) for count in range(1, len(parts)))
+        needed = next((count for count, others in enumerate(alike, 1) if others == 1), len(parts))
+        names[path] = str(Path(*parts[-needed:]))
+    return names
 
 
 def every_run(intake: Intake, logs: Iterable[str | Path | pd.DataFrame], first: int = 1) -> tuple[Record, ...]:

@@ -24,6 +24,7 @@ LARGEST_ERROR = 0.3  # of the torque that was left out
 IDLE = 20.0  # times the torque: an error of the nominal bodies so large is of motors that hardly drove
 WELL = 0.01  # of the torque: who predicts it so well need not be better than the nominal bodies
 WORSE = 1.1  # times the error of the nominal bodies, from which on these are better
+STEADY = 0.9  # of the error of a constant torque: a model that leaves more has predicted nothing else
 BETTER = 0.8  # times that error: bodies that predict so well are known together, if none of their parameters is alone
 CONTRADICTS = 1.5  # times the error of the nominal bodies, in one part of the logs
 SCALE = (
@@ -129,6 +130,15 @@ def _against(found: RecordedEstimate, is_known: bool) -> Iterator[str]:
             f"worst in joint {model.joints[worst]} (allowed: {LARGEST_ERROR:.0%}): {advice}"
         )
         return
+    steady = _about_mean(found)
+    counts = ~(model.untrusted | model.passive | found.equations.held)
+    if np.linalg.norm(held.missed[counts]) > STEADY * np.linalg.norm(steady[counts]):
+        yield (
+            f"torques of {what} that were left out hardly change: a constant one predicts them as well as any body "
+            f"does, to within {float(np.linalg.norm(steady[counts]) / np.linalg.norm(held.of[counts])):.2%}, as of a "
+            "motor at its limit, or of a robot that a hand moves: let motors move it"
+        )
+        return
     driven = np.flatnonzero(model.passive & (_moving(found) > LARGEST_ERROR))
     for joint in driven.tolist():
         yield (
@@ -148,6 +158,13 @@ def _against(found: RecordedEstimate, is_known: bool) -> Iterator[str]:
         )
     if not is_known and held.relative > BETTER * nominal.relative:
         yield f"the log shows nothing of the bodies to better than {COARSEST:.0%}: move faster, or longer, or farther"
+
+
+def _about_mean(found: RecordedEstimate) -> Array:
+    """Root mean square of the judged torque of each joint about its mean in each log (njoint), in N m or N."""
+    sent = [own.acting(found.delay)[own.judged] for own in found.logs]
+    about = np.concatenate([each - each.mean(axis=0) for each in sent if len(each)])
+    return np.asarray(np.sqrt((about**2).mean(axis=0)), dtype=np.float64)
 
 
 def _moving(found: RecordedEstimate) -> Array:

@@ -1,4 +1,4 @@
-"""A joint that meets something for a moment is named, with the time: here MuJoCo moves the arm against an end stop."""
+"""A joint that meets something for moments is named, with the times: MuJoCo moves robots against a stop and a hand."""
 
 from __future__ import annotations
 
@@ -60,6 +60,54 @@ def test_end_stop_that_a_joint_meets_once_is_named_with_the_option_that_leaves_i
     assert result.verdict.is_found
     assert not result.facts
     assert result.records[0].repairs[-1].text.endswith(f"from {stretch[0]:g} to {stretch[1]:g} s left out, as asked")
+
+
+PENDULUM = """<mujoco><option timestep="0.002"/><worldbody><body><joint name="swing" axis="0 1 0" damping="0.1"/>
+<inertial mass="{mass}" pos="0 0 -0.4" diaginertia="0.01 0.01 0.01"/></body></worldbody>
+<actuator><motor joint="swing"/></actuator></mujoco>"""
+PUSHED = 3.0, 8.5, 15.0  # s
+
+
+def log_of_hand(pushes: bool = True, torque: float = 1.0) -> pd.DataFrame:
+    """What a pendulum reads that a motor swings with torques of one size, and a hand pushes for 0.3 s thrice."""
+    model = mujoco.MjModel.from_xml_string(PENDULUM.format(mass=0.6))
+    data, rows = mujoco.MjData(model), []
+    for step in range(10000):
+        time = step * model.opt.timestep
+        data.ctrl[:] = torque * (np.tanh(20.0 * np.sin(3.7 * time)) if pushes else 1.0)
+        hand = [3.0 * np.exp(-(((time - at) / 0.15) ** 2)) * (-1.0) ** i for i, at in enumerate(PUSHED)]
+        data.qfrc_applied[:] = sum(hand)
+        rows.append([time, *data.qpos, *data.ctrl])
+        mujoco.mj_step(model, data)
+    return pd.DataFrame(rows, columns=["time", "angle_1", "torque_1"])
+
+
+def test_pushes_of_a_hand_are_named_where_nothing_is_found_with_them_and_all_without(tmp_path: Path) -> None:
+    """All at once, though the fit that they spoil predicts nothing."""
+    log, nominal = log_of_hand(), tmp_path / "pendulum.xml"
+    nominal.write_text(PENDULUM.format(mass=0.7))
+    result = metaid.estimate(log, nominal)
+    assert not result.verdict.is_found
+    (fact,) = result.facts
+    assert "of what is left of joint swing is within 3 moments, as of a hand" in fact.text
+    stretches = [(float(one), float(two)) for one, two in re.findall(r"'frame 1=([\d.]+),([\d.]+)'", fact.option)]
+    assert [begin < at < end for at, (begin, end) in zip(PUSHED, stretches, strict=True)] == [True] * 3
+    mended = metaid.estimate(log, nominal, leave_out={"frame 1": stretches})
+    assert mended.verdict.is_found
+    assert not mended.facts
+    heavy = mended.verdict.lumps.set_index("name")["identified"]
+    assert heavy.filter(like="m1").abs().max() == pytest.approx(0.24, rel=0.01)
+
+
+def test_torque_that_never_changes_finds_nothing(tmp_path: Path) -> None:
+    """A constant predicts it perfectly, whatever moves the robot: no body does better."""
+    nominal = tmp_path / "pendulum.xml"
+    nominal.write_text(PENDULUM.format(mass=0.7))
+    log = log_of_hand(pushes=False)
+    log["torque_1"] += 0.01 * np.random.default_rng(0).standard_normal(len(log))
+    verdict = metaid.estimate(log, nominal).verdict
+    assert verdict.word == "not found"
+    assert "hardly change: a constant one predicts them as well as any body does" in verdict.reasons[-1]
 
 
 def test_what_is_left_out_is_not_fitted(tmp_path: Path) -> None:
