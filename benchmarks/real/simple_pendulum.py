@@ -1,7 +1,8 @@
 """DFKI's torque-limited simple pendulum: from one swing-up to another, angles after 0.3 s of simulation.
 
 Both follow a trajectory that was computed beforehand, with a motor behind a gear of 6. The lab's models are what it
-identified and what its controllers take. Instruments are the trajectories.
+identified and what its controllers take. Instruments are the trajectories. Of other logs a hand pushes the pendulum in
+two; what metaid names there is left out. In one the motor is at its limit and a hand moves it: nothing is to be found.
 """
 
 from __future__ import annotations
@@ -25,6 +26,8 @@ from metaid.recorded import LinearModel, chain_model
 
 REPOSITORY = "torque_limited_simple_pendulum"  # of dfki-ric-underactuated-lab, BSD-3
 RUNS = {"differential dynamic programming": "ddp", "direct collocation": "direct_collocation"}
+PUSHED = {"energy shaping": "energy_shaping", "iLQR": "ilqr"}
+AT_LIMIT = "results/control_method_pd/1nm_torque_limited_swingup_failure/data_measured.csv"
 IDENTIFIED = "results/control_method_pd/system_identification/system_identification.txt"
 BELIEVED = "data/parameters/sp_parameters_trajectory.yaml"
 NOMINAL = "[[links]]\nlength = 0.5\nmass = 0.5\ncom = 0.45\n"  # a weight at the end of a rod, a fifth too light
@@ -86,6 +89,31 @@ def least_squares(model: LinearModel, learned: Log, asked: Log) -> Iterator[tupl
     yield f"instrumental variables, {CUTOFF:g} Hz", instrumental(model, [learned], [asked], CUTOFF)
 
 
+def simulated(files: dict[str, Path], logs: list[Log]) -> dict[str, float]:
+    """The error of angles after AHEAD s in some `logs`, in mrad, by each of the `files`."""
+    return {name: float(1e3 * np.sqrt(np.mean(errors(logs, by_mujoco(path))[0] ** 2))) for name, path in files.items()}
+
+
+def pushed_by_hand(folder: Path, place: Path, nominal: Path, others: list[Log]) -> Iterator[Table | Line]:
+    """What logs say in which a hand pushes, as they are and without what is named, simulated beside `others`."""
+    rows, files = [], dict[str, Path]()
+    for name, run in PUSHED.items():
+        log = read_log(folder / f"results/control_method_{run}/data_measured.csv", run).write(place)
+        whole = metaid.estimate(log, nominal)
+        named = re.findall(r"=([\d.]+),([\d.]+)", " ".join(fact.option for fact in whole.facts))
+        mended = metaid.estimate(log, nominal, leave_out={log.name: [(float(one), float(two)) for one, two in named]})
+        files[name] = place / f"pushed_{run}.xml"
+        mended.model.write(files[name])
+        words = {"as it is": whole.verdict.word, "named, s": ", ".join(map("-".join, named))}
+        rows.append({"log": name} | words | {"without": mended.verdict.word})
+    found = simulated(files, others)
+    unit = f"mrad after {AHEAD} s"
+    yield Table("simple pendulum, pushed by a hand", [row | {unit: f"{found[row['log']]:.0f}"} for row in rows])
+    yield Line("simple pendulum, pushed by a hand: mrad in swing-ups that were not", max(found.values()), MOST)
+    limit = metaid.estimate(read_log(folder / AT_LIMIT, "limit").write(place), nominal)
+    yield Line("simple pendulum, motor at its limit: is found", float(limit.verdict.is_found), 0.0)
+
+
 def measure(folder: Path, place: Path) -> Iterator[Table | Line]:
     """Tables and lines; CSV and model files are written to a `place`."""
     nominal = place / "nominal_simple.toml"
@@ -112,10 +140,7 @@ def measure(folder: Path, place: Path) -> Iterator[Table | Line]:
             numbers = {key: float(values[model.names.index(f"{key}_1")]) for key in keys}
             if numbers["inertia"] > numbers["gravity"] ** 2 / HEAVY:
                 files[rival] = bar(place, f"rival_{number}", numbers)
-        found = {
-            each: float(1e3 * np.sqrt(np.mean(errors(left_out, by_mujoco(path))[0] ** 2)))
-            for each, path in files.items()
-        }
+        found = simulated(files, left_out)
         best = min((each for each in found if each.startswith("least squares")), key=found.__getitem__)
         kept = {each: number for each, number in found.items() if each == best or not each.startswith("least squares")}
         every.append(kept | {"best": found[best], "word": result.verdict.word})
@@ -130,3 +155,4 @@ def measure(folder: Path, place: Path) -> Iterator[Table | Line]:
         yield Line(f"simple pendulum from {name}: mrad after {AHEAD} s", ours, MOST)
         labs = min(float(each[one]) for one in lab)
         yield Line(f"simple pendulum from {name}: beside the better of the lab's", ours / labs, MOST_BESIDE)
+    yield from pushed_by_hand(folder, place, nominal, [log for log, _ in runs.values()])
