@@ -110,6 +110,19 @@ def test_torque_that_never_changes_finds_nothing(tmp_path: Path) -> None:
     assert "hardly change: a constant one predicts them as well as any body does" in verdict.reasons[-1]
 
 
+def test_logs_of_one_name_are_told_apart_by_their_folders(tmp_path: Path) -> None:
+    """Else what is left out of one would be left out of both."""
+    nominal, logs = tmp_path / "arm.xml", [tmp_path / folder / "log.csv" for folder in ("one", "two")]
+    nominal.write_text(ARM.format(mass=1.2))
+    for log in logs:
+        log.parent.mkdir()
+        log_of_motion().to_csv(log, index=False)
+    result = metaid.estimate(logs, nominal, **ASKED, leave_out={"two/log.csv": [(7.0, 8.0)]})
+    assert [record.name for record in result.records] == ["one/log.csv", "two/log.csv"]
+    left_out = [any("left out, as asked" in each.text for each in record.repairs) for record in result.records]
+    assert left_out == [False, True]
+
+
 def test_what_is_left_out_is_not_fitted(tmp_path: Path) -> None:
     """As if nobody knew what the torques were there."""
     log, nominal = log_of_motion(), tmp_path / "arm.xml"
