@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from metaid.models import Array
-from metaid.models.tree import COLUMNS
 from metaid.recorded.comparing import Candidate, Search
 from metaid.recorded.friction_terms import with_friction, with_springs
 from metaid.recorded.held_out import Yardstick
@@ -81,7 +80,7 @@ def choose(logs: Sequence[Smoothed], model: LinearModel, choices: Choices, scale
         RecordError: the logs have too little of it.
     """
     asked = choices.friction
-    terms = BASE if asked is None else tuple(term for term in COLUMNS if term in asked)
+    terms = BASE if asked is None else asked
     search = Search(logs, model.with_friction(terms), SPANS if choices.span is None else [choices.span])
     said = replace(search.by_span[0], zeros=bool(choices.zeros), delay=choices.delay or 0.0, scale=scale)
     best = _best_windows(search, said)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,14 +66,13 @@ class LinearModel:
             and the torque without accelerations (nstate x njoint), of such bodies (nbody, or nstate x nbody).
         joints: the names of the joints (njoint).
         slides: which joints (njoint) are slides.
-        friction: the terms of the joints, in the order of COLUMNS.
         sliding: how dry friction follows the motion, and which joints are coupled.
         untrusted: which joints (njoint) move, but nothing is fitted to their torques.
         passive: which joints (njoint) have no motor, so that their torque is known to be 0.
         prior: of an arm; None of a chain.
         chain: the nominal one; None of an arm.
         gravity: of a chain, in m/s².
-        without: terms that single joints have not, each with the joint, from 0 on.
+        rubbing: terms of friction, each with a joint that has it, from 0 on.
     """
 
     names: tuple[str, ...]
@@ -85,14 +85,13 @@ class LinearModel:
     dynamics: Callable[[Array], Dynamics]
     joints: tuple[str, ...]
     slides: NDArray[np.bool_]
-    friction: tuple[str, ...]
     sliding: Sliding
     untrusted: NDArray[np.bool_]
     passive: NDArray[np.bool_]
     prior: ArmPrior | None = None
     chain: Chain | None = None
     gravity: float = 0.0
-    without: frozenset[tuple[str, int]] = frozenset()
+    rubbing: frozenset[tuple[str, int]] = frozenset()
 
     @property
     def njoint(self) -> int:
@@ -126,6 +125,11 @@ class LinearModel:
         q, v, a = np.random.default_rng(0).uniform(-1.0, 1.0, (3, self.njoint))
         usual, *others = self.rigid(self.nominal, np.vstack([q, q + TURNED * np.eye(self.njoint)]), v, a)
         return np.asarray((np.abs(others - usual) > SLIGHT * np.abs(usual).max()).any(axis=1))
+
+    @cached_property
+    def friction(self) -> tuple[str, ...]:
+        """The terms of friction that any joint has, in the order of COLUMNS."""
+        return tuple(term for term in COLUMNS if self.having(term))
 
     @property
     def terms(self) -> tuple[str, ...]:
@@ -219,7 +223,8 @@ class LinearModel:
 
     def with_friction(self, terms: tuple[str, ...]) -> LinearModel:
         """The same with these terms of friction in every joint, and dry friction that is there at once."""
-        return _with_friction(replace(self, sliding=Sliding.at_once(self.sliding.still, self.sliding.coupled)), terms)
+        every = frozenset(product({*terms} & {*COLUMNS}, range(self.njoint)))
+        return _rubbing(replace(self, sliding=Sliding.at_once(self.sliding.still, self.sliding.coupled)), every)
 
     def with_springs(self, joints: NDArray[np.bool_]) -> LinearModel:
         """The same with springs in some `joints` (njoint), too, that are slack somewhere."""
@@ -232,10 +237,7 @@ class LinearModel:
 
     def with_term(self, term: str, joints: NDArray[np.bool_]) -> LinearModel:
         """The same with a term of friction in some `joints` (njoint), too."""
-        lacking = {joint for joint in range(self.njoint) if not joints[joint]} - set(self.having(term))
-        others = frozenset(each for each in self.without if each[0] != term)
-        without = others | {(term, joint) for joint in lacking}
-        return _with_friction(self, (*self.friction, term), without)
+        return _rubbing(self, self.rubbing | {(term, joint) for joint in np.flatnonzero(joints).tolist()})
 
     def with_presliding(self, presliding: Array | float, joints: NDArray[np.bool_] | bool = True) -> LinearModel:
         """The same with dry friction that builds up over displacements of some `joints` (njoint each), in rad or m."""
@@ -249,8 +251,7 @@ class LinearModel:
 
     def with_coupled(self, coupled: tuple[tuple[int, int], ...]) -> LinearModel:
         """The same with these pairs of joints, from 0 on, whose motors are coupled."""
-        other = replace(self, sliding=replace(self.sliding, coupled=coupled))
-        return _with_friction(other, self.friction, self.without)
+        return _rubbing(replace(self, sliding=replace(self.sliding, coupled=coupled)), self.rubbing)
 
     def lacking(self, term: str) -> NDArray[np.bool_]:
         """Which joints (njoint) have no such `term` of friction."""
@@ -258,7 +259,7 @@ class LinearModel:
 
     def having(self, term: str) -> list[int]:
         """The joints, from 0 on, that have a `term` of friction."""
-        return [joint for joint in range(self.njoint) if (term, joint) in self.columns]
+        return [joint for joint in range(self.njoint) if (term, joint) in self.rubbing]
 
     @cached_property
     def columns(self) -> dict[tuple[str, int], int]:
@@ -266,21 +267,15 @@ class LinearModel:
         from 0 on, that has it: those of joints by term, then those of each pair.
         """
         shared = [*(term for term in self.friction if term in SHARED), "rotor"]
-        own = [(term, joint) for term in self.friction for joint in range(self.njoint)]
-        own = [each for each in own if each not in self.without]
+        own = [(term, joint) for term in self.friction for joint in self.having(term)]
         own += [(term, motor) for motor in range(self.njoint, self.sliding.nmotor) for term in shared]
         return {each: self.nbody + number for number, each in enumerate(own)}
 
 
-def _with_friction(
-    model: LinearModel, terms: tuple[str, ...], without: frozenset[tuple[str, int]] = frozenset()
-) -> LinearModel:
-    """A model with these terms of friction in every joint but those that are `without` them, and those that coupled
-    joints share.
-    """
+def _rubbing(model: LinearModel, rubbing: frozenset[tuple[str, int]]) -> LinearModel:
+    """A model with these terms of friction of joints, and those that coupled joints share."""
     nbody, between = model.nbody, "_" if model.is_chain else ""
-    friction = tuple(term for term in COLUMNS if term in terms)
-    other = replace(model, friction=friction, without=without)
+    other = replace(model, rubbing=rubbing)
     names, units = list(model.names[:nbody]), list(model.units[:nbody])
     for term, motor in other.columns:
         joints = "_".join(str(joint + 1) for joint in model.sliding.motors[motor])
