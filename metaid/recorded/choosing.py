@@ -125,10 +125,9 @@ def _with_doubt(search: Search, best: Candidate) -> Candidate:
     wider = min(found, key=lambda each: float(np.prod(each.shares(best))))
     if wider.shares(best)[0] > GUESSED:
         return best
-    speeds = fastest(search.yardstick.logs)
 
     def possible(equations: Equations) -> list[Solution]:
-        bodies = Possible(equations, speeds)
+        bodies = Possible(equations)
         return [bodies.refined(each) for each in equations.without_each]
 
     before, after = search.candidates([best.equations, wider.equations], solve=possible)
@@ -197,9 +196,3 @@ def usual_still(logs: Sequence[Smoothed]) -> Array:
     squares = np.mean([(own.speeds**2).mean(axis=0) for own in logs], axis=0)
     usual = np.sqrt(squares)
     return np.asarray(np.where(usual > 0.0, SLOW * usual, 1.0), dtype=np.float64)
-
-
-def fastest(logs: Sequence[Smoothed]) -> Array:
-    """The speed of each joint (njoint) that it hardly exceeds, in rad/s or m/s."""
-    each = [np.quantile(np.abs(own.speeds), 0.99, axis=0) for own in logs]
-    return np.asarray(np.max(each, axis=0), dtype=np.float64)

@@ -14,7 +14,6 @@ from metaid.recorded.choosing import (
     Choices,
     Chosen,
     choose,
-    fastest,
     likely_delay,
     usual_still,
     with_cutoff,
@@ -109,11 +108,6 @@ class RecordedEstimate:
         """By which torques act later than they are logged, in s."""
         return self.equations.delay
 
-    @property
-    def fastest(self) -> Array:
-        """The speed of each joint (njoint) that it hardly exceeds in the logs, in rad/s or m/s."""
-        return fastest(self.logs)
-
 
 def estimate_records(
     records: Sequence[Record], model: LinearModel, choices: Choices | None = None, gains: Gains | None = None
@@ -141,9 +135,9 @@ def estimate_records(
     chosen = choose(logs, model, choices, scale)
     equations, yardstick = chosen.equations, chosen.yardstick
     starts = MANY_STARTS if model.is_pendulum else FEW_STARTS
-    possible, solutions = _possible(equations, logs)
+    possible, solutions = _possible(equations)
     plain = equations.with_model(equations.model.plain)
-    simulator, simulator_solutions = _possible(plain, logs)
+    simulator, simulator_solutions = _possible(plain)
     repeated = np.array([each.values for each in solutions])
     covariance = _widened(_projected(equations, possible), repeated)
     if gains is not None:
@@ -208,9 +202,9 @@ def _zeros(equations: Equations, values: Array) -> Array:
     return zeros
 
 
-def _possible(equations: Equations, logs: Sequence[Smoothed]) -> tuple[PossibleModel, list[Solution]]:
+def _possible(equations: Equations) -> tuple[PossibleModel, list[Solution]]:
     """The model that can be and that some equations tell, and what they tell of it without each fold (nfold)."""
-    bodies = Possible(equations, fastest(logs))
+    bodies = Possible(equations)
     return bodies.closest(equations.solution), [bodies.refined(each) for each in equations.apart]
 
 

@@ -62,7 +62,7 @@ def test_friction_that_bends_drives_no_joint_that_is_faster_than_in_the_log() ->
     viscous, root = (
         np.array([found.values[found.model.columns[term, joint]] for joint in range(3)]) for term in ("viscous", "root")
     )
-    assert (viscous + 0.5 * root / np.sqrt(2.0 * found.fastest) >= 0.0).all()
+    assert (viscous + 0.5 * root / np.sqrt(2.0 * found.equations.fastest) >= 0.0).all()
 
 
 def test_each_log_has_zeros_of_its_own() -> None:

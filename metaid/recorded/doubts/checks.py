@@ -193,4 +193,4 @@ def _thinned(found: RecordedEstimate, measured: Absolute) -> Check | None:
         parts.append(replace(part, windows=moved))
     trusted = replace(model, untrusted=model.untrusted | every.held)
     few_windows = replace(every, model=trusted, parts=tuple(parts), scale=found.scale, delay=found.delay)
-    return Check(few_windows, found.fastest, measured)
+    return Check(few_windows, measured)

@@ -32,12 +32,11 @@ QUARTERS = (0.5 * np.pi, -0.5 * np.pi, np.pi)
 
 @dataclass(frozen=True)
 class Check:
-    """Windows of the logs that a fact is tried on: their `equations`, the speed of each joint that it hardly exceeds
-    (njoint), and how the logs measured the robot. The arm where gravity points elsewhere is kept by its option.
+    """Windows of the logs that a fact is tried on: their `equations`, and how the logs `measured` the robot. The arm
+    where gravity points elsewhere is kept by its option.
     """
 
     equations: Equations
-    fastest: Array
     measured: Absolute
     leaning: dict[Option, LinearModel] = field(default_factory=dict, repr=False, compare=False)
 
@@ -53,8 +52,7 @@ class Check:
         free = self.free
         if usual is not None and improvement(free, usual, of_a_zero) >= NAMED:
             return free
-        possible = Possible(self.equations, self.fastest)
-        return self._unexplained(possible.refined(self.equations.solution).values)
+        return self._unexplained(Possible(self.equations).refined(self.equations.solution).values)
 
     def _unexplained(self, values: Array) -> Array:
         model = self.equations.model

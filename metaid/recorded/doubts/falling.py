@@ -26,7 +26,7 @@ def falling_torques(check: Check, usual: Array) -> NDArray[np.bool_]:
     for joint in np.flatnonzero(falling).tolist():
         slow, fast = np.zeros(len(values)), np.zeros(len(values))
         slow[model.columns["coulomb", joint]] = fast[model.columns["coulomb", joint]] = 1.0
-        fast[model.columns["viscous", joint]] = check.fastest[joint]
+        fast[model.columns["viscous", joint]] = equations.fastest[joint]
         holds, drives = (row @ values / np.sqrt(row @ covariance @ row) for row in (slow, -fast))
         falling[joint] = holds > KNOWN and drives > KNOWN
     return falling

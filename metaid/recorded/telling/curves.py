@@ -69,7 +69,7 @@ def friction_curves(found: RecordedEstimate, shares: Sequence[float] = SHARES) -
     usual = _usual_load(found)
     curves = []
     for joint in range(n):
-        speeds = found.fastest[joint] * np.array(shares)
+        speeds = found.equations.fastest[joint] * np.array(shares)
         moving = np.zeros((len(speeds), n))
         moving[:, joint] = speeds
         at_rest, rigid = np.zeros_like(moving), np.zeros_like(moving)

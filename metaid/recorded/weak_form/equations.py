@@ -104,6 +104,11 @@ class Equations:
         return min((part.windows for part in self.parts), key=lambda windows: windows.span)
 
     @property
+    def fastest(self) -> Array:
+        """The speed of each joint (njoint) that it hardly exceeds in the logs, in rad/s or m/s."""
+        return np.asarray(np.max([part.smoothed.fastest for part in self.parts], axis=0), dtype=np.float64)
+
+    @property
     def span(self) -> float:
         """The length of the windows, in s."""
         return self.finest.span

@@ -51,10 +51,10 @@ class Possible:
     unknowns of friction, then the logarithms of a chain's lengths.
     """
 
-    def __init__(self, equations: Equations, fastest: Array) -> None:
-        """Of what equations tell, and the speeds that joints hardly exceed (njoint), in rad/s or m/s."""
+    def __init__(self, equations: Equations) -> None:
+        """Of what equations tell."""
         model, scale = equations.model, equations.scale
-        self._model, self._scale, self._fastest = model, scale, fastest
+        self._model, self._scale, self._fastest = model, scale, equations.fastest
         self._friction = np.arange(model.nbody, len(model.names))
         prior = model.prior
         chain = model.chain

@@ -42,6 +42,7 @@ class Smoothed:
         speeds: (nrow x njoint), in rad/s or m/s.
         accelerations: (nrow x njoint), in rad/s² or m/s².
         sent: the torques as they were logged, averaged over a period (nrow x njoint), in N m or N.
+        fastest: the speed of each joint (njoint) that it hardly exceeds, in rad/s or m/s.
         judged: which rows count (nrow): the robot moves, and no gap is near.
         cutoff: of the torques' filter, in Hz.
         held: which joints (njoint) are held here and move in another log: stiction bears what their motors do not show.
@@ -53,6 +54,7 @@ class Smoothed:
     speeds: Array
     accelerations: Array
     sent: Array
+    fastest: Array
     judged: NDArray[np.bool_]
     cutoff: float
     held: NDArray[np.bool_]
@@ -209,6 +211,8 @@ def smoothed(record: Record) -> Smoothed:
     edges = np.append(times - 0.5 * period, times[-1] + 0.5 * period)
     sent = np.diff(straight(edges, record.times, sums), axis=0) / period
     sent[0], sent[-1] = record.torques[0], record.torques[-1]
+    fastest: Array = np.quantile(np.abs(speeds), 0.99, axis=0)
+    moves = (np.abs(speeds) > REST * fastest) & (fastest > 0.0)
     return Smoothed(
         record,
         times,
@@ -216,7 +220,8 @@ def smoothed(record: Record) -> Smoothed:
         speeds,
         np.gradient(speeds, period, axis=0),
         sent,
-        _judged(record, times, speeds),
+        fastest,
+        _judged(record, times, moves),
         CUTOFFS[0],
         np.zeros(record.njoint, dtype=np.bool_),
     )
@@ -243,15 +248,12 @@ def _held(logs: Sequence[Smoothed], model: LinearModel) -> NDArray[np.bool_]:
     return np.array([model.held(np.ptp(own.coordinates, axis=0)) for own in logs])
 
 
-def _judged(record: Record, times: Array, speeds: Array) -> NDArray[np.bool_]:
-    """Rows in which some joint moves and whose neighbours were all read (nrow)."""
+def _judged(record: Record, times: Array, moves: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Rows (nrow), at `times` in s, near which a joint `moves` (nrow x njoint) and whose neighbours were all read."""
     period = times[1] - times[0]
-    size = np.abs(speeds)
-    fastest = np.quantile(size, 0.99, axis=0)
-    moves = ((size > REST * fastest) & (fastest > 0.0)).any(axis=1).astype(np.float64)
     reach = min(2 * max(1, round(AROUND / period)) + 1, len(times))
     rests = record.rests_at(times) & record.rests_at(times - AROUND) & record.rests_at(times + AROUND)
-    judged = (np.convolve(moves, np.ones(reach), mode="same") > 0.5) & ~rests
+    judged = (np.convolve(moves.any(axis=1).astype(np.float64), np.ones(reach), mode="same") > 0.5) & ~rests
     judged &= (times > times[0] + EDGE) & (times < times[-1] - EDGE)
     for late in np.flatnonzero(np.diff(record.times) > max(GAP, 3.0 * record.period)):
         judged &= (times < record.times[late] - EDGE) | (times > record.times[late + 1] + EDGE)
