@@ -23,14 +23,12 @@ ZERO_STEPS = 3  # of Newton's, for the zeros of a log that was held out
 
 @dataclass(frozen=True)
 class LeftOutLog:
-    """What was predicted of one log of a `fold` that has `nlog` of them, in its `rows`, so many of each joint (njoint):
-    sums of `squares` of what was missed and of the `whole` (njoint each), by these unknowns (nparam) and zeros
-    (njoint).
+    """What was predicted of one log of a `fold`, in its `rows`, so many of each joint (njoint): sums of `squares` of
+    what was missed and of the `whole` (njoint each), by these unknowns (nparam) and zeros (njoint).
     """
 
     fold: int
     log: int
-    nlog: int
     rows: NDArray[np.bool_]
     counts: NDArray[np.intp]
     squares: Array
@@ -208,7 +206,7 @@ class Yardstick:
                 continue
             for part in predicted[number]:
                 own = self.logs[part.log]
-                starts = starts_of(own, part.rows, max(4, most // part.nlog))
+                starts = starts_of(own, part.rows, max(4, most // len(self.folds[part.fold].logs)))
                 if len(starts):
                     # of one grid but for rounding, and of bodies that are unknown in the same way
                     key = id(equations.model.dynamics), equations.delay, round(own.period, 9)
@@ -237,7 +235,7 @@ class Yardstick:
                 left = sent - own.predicted(model, solution.values, zeros)
                 squares = own.squares(model, solution.values[: model.nbody], sent, left, rows)
                 counts = rows.sum() * ~own.held
-                parts.append(LeftOutLog(number, log, len(fold.logs), rows, counts, *squares, solution.values, zeros))
+                parts.append(LeftOutLog(number, log, rows, counts, *squares, solution.values, zeros))
         return tuple(parts)
 
 

@@ -167,11 +167,12 @@ def _both(every: Sequence[Suspected], usual: Array, below: float) -> Fact | None
     best = sorted(solved, key=lambda pair: together(pair.check.free, usual))[:TRIED]
     scaled = [pair._replace(check=pair.check.with_scale()) for pair in best]
     tried = [
-        pair._replace(left=together(pair.check.left(), usual)).fact
+        pair._replace(left=together(pair.check.left(), usual))
         for pair in scaled
         if together(pair.check.free, usual) < below
     ]
-    return min((fact for fact in tried if fact.left < below), key=lambda fact: fact.left, default=None)
+    least = min(tried, key=lambda each: each.left, default=None)
+    return least.fact if least is not None and least.left < below else None
 
 
 def _thinned(found: RecordedEstimate, measured: Absolute) -> Check | None:

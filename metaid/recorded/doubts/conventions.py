@@ -115,12 +115,9 @@ class Check:
 
 @dataclass(frozen=True)
 class Fact:
-    """Something that looks wrong: a sentence without a full stop, with the options that mend it, or else with others,
-    and what is left of the unexplained torque with the first, where that is known.
-    """
+    """What looks wrong: a sentence without a full stop, with the options that mend it, or else with others."""
 
     advice: Advice
-    left: float = 0.0
 
     @property
     def options(self) -> tuple[Option, ...]:
@@ -159,7 +156,7 @@ class Suspected(NamedTuple):
 
     @property
     def fact(self) -> Fact:
-        return Fact((f"{self.text}: ", self.options), self.left)
+        return Fact((f"{self.text}: ", self.options))
 
 
 def told_apart(alike: Sequence[Suspected]) -> list[Suspected]:

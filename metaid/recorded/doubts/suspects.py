@@ -17,11 +17,10 @@ from metaid.models.tree import PARAMETERS, ArmPrior, Tree, body_torque, misplace
 from metaid.recorded.weak_form.equations import Equations
 from metaid.recorded.weak_form.linear_model import RIGID
 from metaid.recorded.weak_form.normal import eliminated_covariance
-from metaid.recorded.weak_form.parts import Part
+from metaid.recorded.weak_form.parts import SHIFT, Part
 
 SIGNIFICANT = 4.0  # standard deviations from nothing: the verdict names it
 WORTH = 0.001  # of the torque that it must explain to be named
-SHIFT = 1e-5  # rad or m, for the derivative by an angle, and by where a joint is
 BENDS = 10.0  # times the speed below which dry friction is a share of its whole: there friction bends
 SCALE = 0.1  # how much the torques of a joint may be larger than they are said to be, a standard deviation
 MISSING = {

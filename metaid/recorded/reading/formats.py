@@ -15,7 +15,7 @@ import pandas as pd
 
 from metaid.errors import RecordError, optional_packages
 from metaid.recorded.reading.arrays import ARRAYS, arrays_frame
-from metaid.recorded.reading.bags import BAGS, bag_tables, is_bag
+from metaid.recorded.reading.bags import BAGS, KINDS, bag_tables, is_bag
 from metaid.recorded.reading.dialect import dialect_of, distinct, is_number
 from metaid.recorded.reading.readings import Repair
 
@@ -117,13 +117,10 @@ def _flat(column: object) -> str:
 
 def _parquet(path: Path) -> Table:
     with optional_packages("parquet"):
-        from pyarrow import ArrowInvalid
-        from pyarrow.parquet import read_schema
-    try:
-        columns = read_schema(path).names
-    except ArrowInvalid as problem:
-        raise RecordError(f"{path}: not a table: {problem}") from None
-    return Table(str(path), tuple(columns), lambda wanted: pd.read_parquet(path, columns=list(wanted)))
+        from pyarrow import parquet
+    return Table(
+        str(path), tuple(parquet.read_schema(path).names), lambda wanted: pd.read_parquet(path, columns=list(wanted))
+    )
 
 
 def _text(path: Path) -> Table:
@@ -169,7 +166,7 @@ def _named_by_cells(columns: tuple[str, ...], load: Callable[[Sequence[str], int
     names = list(columns)
     for column, match in said:
         joint = str(first[column].iloc[0]) if len(first) else ""
-        for kind in ("position", "velocity", "effort"):
+        for kind in KINDS:
             own = f"{match[1]}{kind}{match[2]}"
             if own in names and joint and not is_number(joint):
                 names[names.index(own)] = f"{kind}_{joint}"

@@ -147,9 +147,7 @@ def _numbers(frame: pd.DataFrame, names: Sequence[str], factors: Mapping[str, fl
         factors: by what those of some columns are multiplied.
     """
     cells = [frame[name] if name else pd.Series(0.0, index=frame.index) for name in names]
-    columns = [
-        column if pd.api.types.is_numeric_dtype(column) else pd.to_numeric(column, errors="coerce") for column in cells
-    ]
+    columns = [pd.to_numeric(column, errors="coerce") for column in cells]
     numbers = np.column_stack([column.to_numpy(dtype=np.float64, na_value=np.nan) for column in columns])
     numbers[~(np.abs(numbers) < NO_READING)] = np.nan
     return numbers * [factors.get(name, 1.0) for name in names]
@@ -165,7 +163,7 @@ def _at_angles(readings: Record) -> Record:
     kept, count = readings.rows(at_once), int((~at_once).sum())
 
     def sampled(kind: str, read: Array) -> Array:
-        columns = (pd.DataFrame(column) for column in read.T)
+        columns = read.T[..., None]
         return np.hstack([sampled_at(kept.times, readings.times, column, kind == "torque") for column in columns])
 
     others = {kind: sampled(kind, read) for kind, read in readings.kinds.items() if kind != "angle"}

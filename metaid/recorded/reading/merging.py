@@ -47,7 +47,8 @@ def merged(pieces: Sequence[Understood]) -> Understood:
     for kind, piece in owners.items():
         read = frames[piece][[each for each in piece.kinds[kind] if each]]
         if piece in times and piece is not clock:
-            sampled = sampled_at(times[clock], times[piece], read, kind == "torque")
+            numbers = read.apply(pd.to_numeric, errors="coerce").to_numpy(dtype=np.float64)
+            sampled = sampled_at(times[clock], times[piece], numbers, kind == "torque")
             found |= dict(zip(read.columns, sampled.T, strict=True))
         elif len(read) == rows:
             found |= {str(name): read[name].reset_index(drop=True) for name in read.columns}
@@ -74,16 +75,15 @@ def _times(columns: Sequence[Sequence[pd.Series]]) -> list[Array]:
     return np.split(numeric_times(together), edges)
 
 
-def sampled_at(times: Array, own: Array, frame: pd.DataFrame, holds: bool) -> Array:
+def sampled_at(times: Array, own: Array, read: Array, holds: bool) -> Array:
     """Readings at other times (nrow x ncolumn), NaN where there were none.
 
     Args:
         times: the other times (nrow).
         own: those of the readings (nown).
-        frame: the readings (nown x ncolumn).
+        read: the readings (nown x ncolumn).
         holds: whether each holds until the next; else they are straight between two.
     """
-    read = frame.apply(pd.to_numeric, errors="coerce").to_numpy(dtype=np.float64)
     known = np.isfinite(own) & np.isfinite(read).all(axis=1)
     own, read = own[known], read[known]
     if not len(own):

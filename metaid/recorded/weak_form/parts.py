@@ -16,7 +16,7 @@ from metaid.recorded.weak_form.linear_model import LinearModel
 from metaid.recorded.weak_form.smoothed import Smoothed
 from metaid.recorded.weak_form.windows import LogWindows
 
-SHIFT = 1e-5  # rad or m, for derivatives by a zero
+SHIFT = 1e-5  # rad or m, for derivatives by a zero, and by where a joint is
 CHUNK = 2_000_000  # numbers at nodes that are made at a time
 
 
