@@ -82,13 +82,12 @@ def absolute_of(model: LinearModel, named: Sequence[str] = ()) -> Absolute:
     """
     angles, motors = np.eye(model.njoint), np.eye(model.njoint)
     notes, coupled = [], []
-    allowed = [*model.joints, *(str(joint + 1) for joint in range(model.njoint))]
     for each in named:
         name = each.removesuffix(MOTOR)
-        if name not in allowed:
+        if name not in model.places:
             there = absolute_joints(model)
             raise RecordError(f"absolute: {unknown('joint', each, (*there, *(other + MOTOR for other in there)))}")
-        joint = allowed.index(name) % model.njoint
+        joint = model.places[name]
         turning = model.turning[joint]
         if np.count_nonzero(turning) < 2:
             raise RecordError(

@@ -58,7 +58,7 @@ def with_springs(search: Search, best: Candidate) -> Candidate:
     without = search.models(best, [model.with_springs(joints & ~each) for each in own])
     for each, less in zip(own, without, strict=True):
         needed &= ~each | found.is_worth(less, each)
-    where = f"spring of {', '.join(np.array(model.joints)[needed])}"
+    where = f"spring of {', '.join(model.named(needed))}"
     found = search.noted(where, search.model(best, model.with_springs(needed)), best)
     if found.shares(best)[0] > SPRUNG or not found.is_agreed(best):
         return best
@@ -95,7 +95,7 @@ def _worth(search: Search, best: Candidate, further: Sequence[Further]) -> list[
             gains[pair] = gains[pair].any()
         gains &= lacks
         if gains.any() and not gains[lacks].all() and not found[number].is_worth(best):
-            names[number] += f" of {', '.join(np.array(model.joints)[gains])}"
+            names[number] += f" of {', '.join(model.named(gains))}"
             in_some[number] = widened(gains)
     for number, each in zip(in_some, search.models(best, in_some.values()), strict=True):
         found[number] = each

@@ -247,15 +247,10 @@ def _by_joint(what: str, given: Mapping[str, float], model: LinearModel, usual: 
     """One number a joint (njoint) from those that were given by name, by number, or of `all`."""
     numbers = np.full(model.njoint, usual)
     for name, number in given.items():
-        allowed = tuple(dict.fromkeys(("all", *model.joints, *(str(i + 1) for i in range(model.njoint)))))
+        allowed = dict.fromkeys(("all", *model.places))
         if name not in allowed:
             raise RecordError(f"{what}: {unknown('joint', name, allowed)}")
-        if name == "all":
-            numbers[:] = number
-        elif name in model.joints:
-            numbers[model.joints.index(name)] = number
-        else:
-            numbers[int(name) - 1] = number
+        numbers[slice(None) if name == "all" else model.places[name]] = number
     return numbers
 
 

@@ -58,7 +58,7 @@ def facts_of(found: RecordedEstimate, measured: Absolute | None = None) -> tuple
     if odd is not None:
         return (odd,)
     dead = found.model.passive & ~found.equations.held & (found.held_out.by_joint > DRIVEN)
-    driven = tuple(_driven(name) for name in np.array(found.model.joints)[dead].tolist())
+    driven = tuple(_driven(name) for name in found.model.named(dead))
     check = _thinned(found, absolute_of(found.model) if measured is None else measured)
     named = driven if check is None else (*_confirmed(check, found), *driven)
     contact = None if named else contacts(found)

@@ -35,7 +35,7 @@ def falling_torques(check: Check, usual: Array) -> NDArray[np.bool_]:
 def named_as_falling(check: Check, falling: NDArray[np.bool_]) -> Fact:
     """What is said of those joints, with the option that fits nothing to their torques."""
     model, values = check.equations.model, check.equations.solution.values
-    names = np.array(model.joints)[falling].tolist()
+    names = model.named(falling)
     slopes = [f"{-values[model.columns['viscous', joint]]:.2g}" for joint in np.flatnonzero(falling).tolist()]
     unit = "N m s, of slides N s/m" if model.slides[falling].any() else "N m s"
     text = (

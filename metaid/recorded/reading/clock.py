@@ -40,8 +40,9 @@ def on_true_clock(readings: Record) -> Record:
     many = np.round(steps / period)
     if np.quantile(np.abs(steps - many * period), 0.99) <= REGULAR * period:
         return _lost(rising(readings), int(np.maximum(many - 1.0, 0.0).sum()))
-    period = _usual_step(readings)
-    counts = _counts(readings, period)
+    told = _told_steps(readings)
+    period = _usual_step(readings, told)
+    counts = np.nan_to_num(np.maximum(np.round(told / period), 1.0)).astype(np.intp)  # 0 where speeds do not tell
     ticks = _ticks(readings.times, period, counts)
     times, lost = _settled(readings.times, ticks), int((np.diff(ticks) - 1).sum())
     jitter, seen = float(np.std(readings.times - times)), float(np.std(steps - period * np.maximum(many, 1.0)))
@@ -62,10 +63,9 @@ def _lost(readings: Record, lost: int) -> Record:
     return readings.repaired("lost rows", lost, text)
 
 
-def _usual_step(readings: Record) -> float:
-    """The time between two packets, in s: by speeds, else the usual mean of some steps."""
-    told = _told_steps(readings)
-    if told is not None and np.isfinite(told).sum() > 10 * WINDOW:
+def _usual_step(readings: Record, told: Array) -> float:
+    """The time between two packets, in s: as speeds have `told` (nrow − 1), else the usual mean of some steps."""
+    if np.isfinite(told).sum() > 10 * WINDOW:
         usual = np.nanmedian(told)
         return float(np.nanmedian(told / np.maximum(np.round(told / usual), 1.0)))
     if len(readings) <= 2 * WINDOW:
@@ -87,12 +87,12 @@ def _coherent_step(stamps: Array, mean: float) -> float:
     return float(periods[together.argmax()]) if is_clear else mean
 
 
-def _told_steps(readings: Record) -> Array | None:
-    """How long each step took by the speeds (nrow − 1), in s, NaN where the robot is too slow to tell; None where a log
-    has no speeds.
+def _told_steps(readings: Record) -> Array:
+    """How long each step took by the speeds (nrow − 1), in s, NaN where the robot is too slow to tell, or a log has no
+    speeds.
     """
     if readings.speeds is None:
-        return None
+        return np.full(len(readings) - 1, np.nan)
     moved = np.diff(readings.angles, axis=0)
     mean = 0.5 * (readings.speeds[1:] + readings.speeds[:-1])
     coarse = 0.3 * resolution_of(readings.speeds) * readings.period
@@ -101,14 +101,6 @@ def _told_steps(readings: Record) -> Array | None:
     across, whole = (weights * mean * moved).sum(axis=1), (weights * mean**2).sum(axis=1)
     clear = whole * readings.period**2 > CLEAR**2
     return np.where(clear, across / np.where(clear, whole, 1.0), np.nan)
-
-
-def _counts(readings: Record, period: float) -> NDArray[np.intp]:
-    """How many packets each step is by the speeds (nrow − 1); 0 where these do not tell."""
-    told = _told_steps(readings)
-    if told is None:
-        return np.zeros(len(readings) - 1, dtype=np.intp)
-    return np.nan_to_num(np.maximum(np.round(told / period), np.where(np.isfinite(told), 1.0, 0.0))).astype(np.intp)
 
 
 def _ticks(stamps: Array, period: float, counts: NDArray[np.intp]) -> NDArray[np.intp]:

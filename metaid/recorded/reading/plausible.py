@@ -83,10 +83,8 @@ def _refuse_other_speeds(readings: Record, speeds: Array) -> None:
             continue
         ratio = float(np.median(said[moving, joint] / seen[moving, joint]))
         if not 1.0 / FAR_FROM_ONE < ratio < FAR_FROM_ONE:
-            near = (
-                abs(np.log(max(abs(ratio), 1e-9) / DEGREES)) < 0.4 or abs(np.log(max(abs(ratio), 1e-9) * DEGREES)) < 0.4
-            )
-            unit = ", which looks like degrees" if near else ""
+            is_near = abs(abs(np.log(max(abs(ratio), 1e-9))) - np.log(DEGREES)) < 0.4
+            unit = ", which looks like degrees" if is_near else ""
             raise RecordError(
                 f"{readings.name}: {readings.names['speed'][joint]} is {ratio:.3g} times how fast "
                 f"{readings.names['angle'][joint]} changes{unit} (allowed: rad and rad/s; --map "

@@ -176,13 +176,12 @@ def _missed(found: RecordedEstimate) -> Iterator[str]:
     """Which joints' torques are mostly not predicted, in a sentence."""
     missed = _moving(found) > MOSTLY
     if missed.any():
-        names = ", ".join(np.array(found.model.joints)[missed])
-        yield f"more than half of the torque of {names} is not predicted"
+        yield f"more than half of the torque of {', '.join(found.model.named(missed))} is not predicted"
 
 
 def _held(found: RecordedEstimate) -> Iterator[str]:
     """Which joints are held, in a sentence."""
-    names = [name for name, is_held in zip(found.model.joints, found.equations.held, strict=True) if is_held]
+    names = found.model.named(found.equations.held)
     if names:
         are = "is held, and its torque counts" if len(names) == 1 else "are held, and their torques count"
         yield f"{', '.join(names)} {are} little: stiction bears what a motor does not show"
@@ -192,7 +191,7 @@ def _held(found: RecordedEstimate) -> Iterator[str]:
 
 def _without_motor(found: RecordedEstimate) -> Iterator[str]:
     """Which joints are taken to have no motor, in a sentence."""
-    names = [name for name, is_passive in zip(found.model.joints, found.model.passive, strict=True) if is_passive]
+    names = found.model.named(found.model.passive)
     if names:
         yield (
             f"the torque of {joints_of(names)} is 0, as without a motor: its error is a share of the terms that cancel"

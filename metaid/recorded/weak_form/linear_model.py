@@ -105,6 +105,16 @@ class LinearModel:
     def is_chain(self) -> bool:
         return self.chain is not None
 
+    @property
+    def places(self) -> dict[str, int]:
+        """Where each joint is, from 0 on, by its name or its number from 1 on."""
+        names = [*self.joints, *(str(joint + 1) for joint in range(self.njoint))]
+        return {name: names.index(name) % self.njoint for name in names}
+
+    def named(self, which: NDArray[np.bool_]) -> list[str]:
+        """The names of some joints (njoint)."""
+        return [name for name, is_one in zip(self.joints, which, strict=True) if is_one]
+
     @cached_property
     def is_pendulum(self) -> bool:
         """Whether it turns about parallel horizontal axes, as a chain does and an arm may."""

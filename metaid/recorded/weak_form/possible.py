@@ -116,8 +116,10 @@ class Possible:
         coriolis = length[..., one] * gravity[..., other]
         return np.concatenate([gravity, coriolis, inertia, rotor[..., 1:], x[..., nlinks:last]], axis=-1)
 
-    def _cones(self, values: Array, deviations: Array) -> list[Matrices]:
-        """What is to be positive definite; unknowns and their deviations (nparam each) are those of the free fit."""
+    def _cones(self, rows: Array, sizes: Array) -> list[Matrices]:
+        """What is to be positive definite, with `rows` of unknowns of friction (nrow x nfriction) of these `sizes`
+        (nrow).
+        """
         model, n, nlinks = self._model, self._tree.njoint, len(self._links)
         each = np.eye(self._nfree)[:nlinks].reshape(n, self._nlink, self._nfree)
         if model.is_chain:
@@ -127,7 +129,6 @@ class Possible:
         else:
             of_links = np.moveaxis(pseudo_inertia(each.swapaxes(1, 2)), 1, -1)
             nominal = self._scale * nominal_pseudo_inertias(self._tree)
-        rows, sizes = self._friction_rows(values, deviations)
         of_friction = np.zeros((len(rows), self._nfree))
         of_friction[:, nlinks : nlinks + len(self._friction)] = rows
         numbers, usual = np.concatenate([each[:, -1], of_friction]), np.concatenate([self._usual_rotor, sizes])
@@ -135,7 +136,8 @@ class Possible:
 
     def _friction_rows(self, values: Array, deviations: Array) -> tuple[Array, Array]:
         """Combinations of the unknowns of friction (nrow x nfriction) that are not negative, and their usual sizes
-        (nrow): where there is a root, the curve at some speeds and how it grows, else each term by itself.
+        (nrow): where there is a root, the curve at some speeds and how it grows, else each term by itself. Unknowns and
+        their deviations (nparam each) are those of the free fit.
         """
         model, nbody = self._model, self._model.nbody
         rows: list[Array] = []
@@ -158,23 +160,18 @@ class Possible:
         sizes = np.maximum(stacked @ values, np.maximum(least, 1e-12))
         return stacked[:, nbody:], sizes
 
-    def _start(self, values: Array, deviations: Array) -> Array:
-        """A point inside: the nominal links, and friction of the sizes that it is expected to have."""
-        rows, sizes = self._friction_rows(values, deviations)
-        free = values[self._friction]
-        if (rows @ free < 0.5 * sizes).any():  # as near as can be to what was fitted, and inside
-            inside = np.maximum(free, SMALL * deviations[self._friction])
-            free = np.where(rows.any(axis=0), inside, free)
-        return np.concatenate([self._links, free, self._lengths])
-
     def closest(self, solution: Solution) -> PossibleModel:
         """The possible model that costs least, from a solution that was fitted freely.  Eq. 69."""
         values, precision = solution.values, solution.precision
         scale = 1.0 / np.sqrt(np.diag(precision))
         deviations = scale * np.sqrt(np.maximum(np.diag(np.linalg.inv(precision * np.outer(scale, scale))), 0.0))
-        cones = self._cones(values, deviations)
-        nearest = Nearest(cones, self.lumps, self.slopes, values, precision, len(self._lengths))
-        x = nearest.found(self._start(values, deviations))
+        rows, sizes = self._friction_rows(values, deviations)
+        friction = values[self._friction]
+        if (rows @ friction < 0.5 * sizes).any():  # as near as can be to what was fitted, and inside
+            inside = np.maximum(friction, SMALL * deviations[self._friction])
+            friction = np.where(rows.any(axis=0), inside, friction)
+        nearest = Nearest(self._cones(rows, sizes), self.lumps, self.slopes, values, precision, len(self._lengths))
+        x = nearest.found(np.concatenate([self._links, friction, self._lengths]))
         nlinks = len(self._links)
         links = x[:nlinks].reshape(self._tree.njoint, -1)
         length = np.exp(x[nlinks + len(self._friction) :])
