@@ -82,17 +82,17 @@ def absolute_of(model: LinearModel, named: Sequence[str] = ()) -> Absolute:
     """
     angles, motors = np.eye(model.njoint), np.eye(model.njoint)
     notes, coupled = [], []
+    there = absolute_joints(model)
     for each in named:
         name = each.removesuffix(MOTOR)
         if name not in model.places:
-            there = absolute_joints(model)
             raise RecordError(f"absolute: {unknown('joint', each, (*there, *(other + MOTOR for other in there)))}")
         joint = model.places[name]
         turning = model.turning[joint]
-        if np.count_nonzero(turning) < 2:
+        if model.joints[joint] not in there:
             raise RecordError(
                 f"absolute: before joint {name} none turns about a parallel axis (allowed: "
-                f"{', '.join(absolute_joints(model)) or 'none of this robot'})"
+                f"{', '.join(there) or 'none of this robot'})"
             )
         angles[joint] = turning
         note = f"absolute: {model.joints[joint]} is read against the base"

@@ -21,7 +21,7 @@ from metaid.recorded.weak_form.equations import Equations, first_equations
 from metaid.recorded.weak_form.folds import THIRDS
 from metaid.recorded.weak_form.linear_model import LinearModel
 from metaid.recorded.weak_form.normal import FLAT, eliminated_covariance
-from metaid.recorded.weak_form.parts import Part, loads_of
+from metaid.recorded.weak_form.parts import Part
 from metaid.recorded.weak_form.smoothed import Smoothed
 
 FRICTION = ("viscous", "coulomb", "root", "offset")
@@ -147,9 +147,9 @@ def _columns(
         payload: that it carries; None where there is none.
         shapes: mass and place of all payloads.
     """
-    windows, zeros = part.windows, np.zeros((part.log + 1, model.njoint))
-    (load,) = loads_of([part], model, model.nominal, zeros)
-    bodies, friction = np.split(part.rows(model, load, zeros[-1]), [model.nbody], axis=-1)
+    windows = part.windows
+    rows = part.rows(model, np.zeros_like(windows.speeds), np.zeros(model.njoint))  # no friction grows with load
+    bodies, friction = np.split(rows, [model.nbody], axis=-1)
     empty = np.zeros_like(friction)
     own = np.zeros((*friction.shape[:-1], len(shapes), FIRST))
     if payload is not None:

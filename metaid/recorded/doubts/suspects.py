@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from metaid.models import Array
-from metaid.models.tree import PARAMETERS, ArmPrior, Tree, body_torque, misplaced
+from metaid.models.tree import PARAMETERS, ArmPrior, Tree, body_torque, friction_torque, misplaced
 from metaid.recorded.weak_form.equations import Equations
 from metaid.recorded.weak_form.linear_model import RIGID
 from metaid.recorded.weak_form.normal import eliminated_covariance
@@ -116,16 +116,16 @@ def suspects(equations: Equations, values: Array, scales: bool) -> Iterator[Susp
         """What each joint has by itself (nwindow x nnode x njoint), averaged, as columns."""
         return part.windows.averaged(at_nodes)[..., None] * np.eye(n)
 
+    def rubbing(part: Part, term: str) -> Array:
+        """The torque at nodes for a unit of a term of friction (nwindow x nnode x njoint), without a load."""
+        windows = part.windows
+        return friction_torque(term, windows.coordinates, windows.speeds, part.sliding(model)[..., :n], windows.speeds)
+
     for term, words in MISSING.items():
         lacking = np.flatnonzero(model.lacking(term)).tolist()
         if lacking:
-            shapes = {
-                "viscous": lambda part: part.windows.speeds,
-                "coulomb": lambda part: part.sliding(model)[..., :n],
-                "offset": lambda part: np.ones_like(part.windows.speeds),
-                "spring": lambda part: part.windows.coordinates,
-            }
-            yield Suspect(words, [of_each(part, shapes[term](part))[..., lacking] for part in parts], tuple(lacking))
+            columns = [of_each(part, rubbing(part, term))[..., lacking] for part in parts]
+            yield Suspect(words, columns, tuple(lacking))
     at_once = np.flatnonzero((model.sliding.presliding == 0.0) & (model.sliding.bent == 0.0)).tolist()
     if at_once and {"coulomb", "root"} & set(model.friction):
         bent = [

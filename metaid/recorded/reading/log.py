@@ -19,13 +19,12 @@ from metaid.models import Array
 from metaid.recorded.reading.clock import on_true_clock
 from metaid.recorded.reading.columns import Understood, joints_beside, understood
 from metaid.recorded.reading.formats import tables_of
-from metaid.recorded.reading.gaps import runs_of
 from metaid.recorded.reading.merging import lacking, merged, sampled_at
 from metaid.recorded.reading.nameless import called_as_file, refusal
 from metaid.recorded.reading.plausible import refuse_few_rows, refuse_implausible
 from metaid.recorded.reading.readings import Record, counted
 from metaid.recorded.reading.repairs import rested, tamed, unwrapped, without_head, without_repeats
-from metaid.recorded.reading.times import begins_again, in_order, in_seconds, numeric_times
+from metaid.recorded.reading.times import begins_again, in_order, in_seconds, numeric_times, runs_of
 
 MOST_NAMED = 8  # columns, in a message
 NO_READING = 1e15  # in any unit: what a recorder wrote that had none yet

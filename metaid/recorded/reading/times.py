@@ -1,4 +1,4 @@
-"""The times of a log: their unit, their order, and the clock that they are of."""
+"""The times of a log: their unit, their order, and where they part it into runs."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from metaid.errors import RecordError
 from metaid.models import Array
+from metaid.recorded.reading.plausible import LEAST_ROWS
 from metaid.recorded.reading.readings import Record, counted
 
 CLOCKS = ("time", "t", "timestamp", "stamp", "times", "timestamps", "clock", "elapsed", "epoch")
@@ -25,6 +26,9 @@ FASTEST, SLOWEST = 1e-4, 0.1  # s between two rows of a log of a robot: 10 kHz t
 NEARLY = 1.05  # of these: clocks are not exact
 NO_TIME = 1e20  # in any unit: what no clock says
 AGAIN = 1.0  # s: a time that falls back by more begins another run
+GAP = 0.5  # s between two rows: nobody knows what happened there
+RARELY = 20.0  # periods of a log that is read so rarely
+SHORT = 1.0  # s: what is shorter is no run of its own
 
 
 def numeric_times(columns: Sequence[pd.Series]) -> Array:
@@ -132,3 +136,26 @@ def begins_again(readings: Record) -> list[Record]:
     if len(again) == 0 or any(len(part) < 100 for part in rising):
         return [readings]
     return [readings.rows(part) for part in rising]
+
+
+def runs_of(readings: Record) -> list[Record]:
+    """The runs between the gaps of a log, the first of which says what was repaired."""
+    gap = max(GAP, RARELY * readings.period)
+    late = np.flatnonzero(np.diff(readings.times) > gap)
+    if not len(late):
+        return [readings]
+    steps = np.diff(readings.times)[late]
+    parts = [readings.rows(each) for each in np.split(np.arange(len(readings)), late + 1)]
+    runs = [part for part in parts if len(part) >= LEAST_ROWS and part.times[-1] - part.times[0] >= SHORT]
+    if not runs:
+        return [readings]
+    between = f"{steps.min():.3g} s" if len(late) == 1 else f"{steps.min():.3g} to {steps.max():.3g} s"
+    what = f"{counted(len(late), 'gap')} of {between}: cut there into {counted(len(runs), 'run')}"
+    lost = len(readings) - sum(map(len, runs))
+    if lost:
+        what += f", {counted(lost, 'row')} between gaps left out"
+    runs[0] = runs[0].repaired("gaps", len(late), what)
+    said = (runs[0].repairs[-1],)
+    return [
+        replace(run, times=run.times - run.times[0], repairs=run.repairs if run is runs[0] else said) for run in runs
+    ]
