@@ -67,7 +67,7 @@ class Chosen:
     delay_at_bound: bool
 
 
-def choose(logs: Sequence[Smoothed], model: LinearModel, choices: Choices, scale: float = 1.0) -> Chosen:
+def choose(logs: Sequence[Smoothed], model: LinearModel, choices: Choices, scale: float) -> Chosen:
     """The windows, terms, zeros and delay that predict best what is left out.
 
     Args:

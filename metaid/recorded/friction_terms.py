@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from metaid.models import Array
 from metaid.models.tree import COLUMNS
 from metaid.recorded.comparing import WORTH, Candidate, Search
-from metaid.recorded.weak_form.linear_model import LinearModel
+from metaid.recorded.weak_form.linear_model import How, LinearModel
 
 PRESLIDING = (1e-4, 3e-4, 1e-3, 3e-3)  # rad or m, of all joints alike
 BENT = (2.0, 7.0, 20.0)  # times the speed below which dry friction is cut short, of all joints alike, and the most
@@ -25,8 +25,8 @@ def with_friction(search: Search, best: Candidate, asked: tuple[str, ...] | None
     those that the user `asked` for, of hysteresis and bent friction the better one.
     """
     model = best.model
-    states = [model.with_presliding(size) for size in PRESLIDING if "hysteresis" in (asked or ())]
-    states += [model.with_bent(factor * model.sliding.still) for factor in BENT if "bent" in (asked or ())]
+    states = [model.with_sliding("presliding", size) for size in PRESLIDING if "hysteresis" in (asked or ())]
+    states += [model.with_sliding("bent", factor * model.sliding.still) for factor in BENT if "bent" in (asked or ())]
     if states:
         best = min(search.models(best, states), key=lambda each: each.whole)
     while asked is None:
@@ -36,10 +36,10 @@ def with_friction(search: Search, best: Candidate, asked: tuple[str, ...] | None
         best = min(worth, key=lambda each: float(np.prod(each.shares(best))))
     sliding = best.model.sliding
     if sliding.builds_up:
-        best = _finer(search, best, sliding.presliding, best.model.with_presliding, np.inf)
+        best = _finer(search, best, "presliding", np.inf)
     if sliding.bent.any():
         most = BENT[-1] * sliding.still  # beyond it dry friction is hardly told from viscous, and grows without bound
-        best = _finer(search, best, sliding.bent, best.model.with_bent, most)
+        best = _finer(search, best, "bent", most)
     return best
 
 
@@ -75,10 +75,10 @@ def _further(model: LinearModel) -> Iterator[Further]:
         if lacks.any() and term != SPRING:
             yield term, lacks, partial(model.with_term, term)
     for size in PRESLIDING if (presliding == 0.0).any() else ():
-        yield f"hysteresis, δ = {size:g}", presliding == 0.0, partial(model.with_presliding, size)
+        yield f"hysteresis, δ = {size:g}", presliding == 0.0, partial(model.with_sliding, "presliding", size)
     at_once = (presliding == 0.0) & (model.sliding.bent == 0.0)
     for factor in BENT if at_once.any() and {"coulomb", "root"} & set(model.friction) else ():
-        bent = partial(model.with_bent, factor * model.sliding.still)
+        bent = partial(model.with_sliding, "bent", factor * model.sliding.still)
         yield f"dry friction bent, v = {factor:.0f} % of usual speeds", at_once, bent
 
 
@@ -105,20 +105,18 @@ def _worth(search: Search, best: Candidate, further: Sequence[Further]) -> list[
     return [each for each, gains in every if each.is_worth(best) or each.is_worth(best, gains)]
 
 
-def _finer(
-    search: Search, best: Candidate, common: Array, changed: Callable[[Array], LinearModel], most: Array | float
-) -> Candidate:
+def _finer(search: Search, best: Candidate, how: How, most: Array | float) -> Candidate:
     """With the displacement over which the friction of each joint builds up, or the speed below which it bends: of
     those that predict its own torque as well, to WORTH, the largest, which is the gentlest to simulate.
 
     Args:
         search: what is compared.
         best: what is chosen.
-        common: of the joints (njoint), all alike; 0 of those that have it not.
-        changed: the model with others (njoint).
+        how: dry friction follows the motion; its sizes are alike now, and 0 in joints where it is there at once.
         most: that they may be (njoint, or of all).
     """
-    tried = np.minimum(np.outer(FINER, common), most)
+    changed = partial(best.model.with_sliding, how)
+    tried = np.minimum(np.outer(FINER, getattr(best.model.sliding, how)), most)
     by_joint = np.array([each.by_joint for each in search.models(best, map(changed, tried))])
     is_as_good = WORTH * by_joint <= by_joint.min(axis=0)
     found = search.model(best, changed(np.where(is_as_good, tried, 0.0).max(axis=0)))

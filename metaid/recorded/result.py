@@ -24,7 +24,7 @@ from metaid.recorded.given import Given
 from metaid.recorded.held_out import HeldOut, Yardstick
 from metaid.recorded.reading.log import Intake, every_run, short_names
 from metaid.recorded.reading.readings import Record
-from metaid.recorded.reading.stretches import Stretches, refuse_unknown, without
+from metaid.recorded.reading.stretches import Stretches, without
 from metaid.recorded.telling.judging import judge_records
 from metaid.recorded.telling.told import RecordedResult
 from metaid.recorded.weak_form.folds import Fold, Span
@@ -146,9 +146,7 @@ def estimate(
     records, others = read(many, 1), read(held_out, len(many) + 1)
     after = len(many) + len(held_out) + 1
     loaded = [(record, each) for number, each in enumerate(payloads, after) for record in read([each.log], number)]
-    if leave_out:
-        refuse_unknown(leave_out, [*records, *others])
-        records, others = without(records, leave_out), without(others, leave_out)
+    records, others = without(leave_out or {}, records, others)
     with threadpool_limits(1):  # matrices this small are slower on several
         gains = _gains(records, loaded, model) if loaded else None
         if gains is not None:

@@ -175,8 +175,8 @@ def test_speed_below_which_dry_friction_bends_is_taken_up_where_it_predicts_what
 def test_friction_that_bends_is_followed_beside_friction_that_builds_up() -> None:
     """In one joint the speed at which it bends is another, and in the next a state builds up along the same log."""
     log, model = smoothed(arm_log(noise=0.0)), arm_model(swinging_arm())
-    model = model.with_presliding(np.array([0.01, 0.0, 0.0]))
-    sharp, bent = (log.states(model.with_bent(np.array([0.0, speed, 0.0]))) for speed in (0.01, 1.0))
+    model = model.with_sliding("presliding", np.array([0.01, 0.0, 0.0]))
+    sharp, bent = (log.states(model.with_sliding("bent", np.array([0.0, speed, 0.0]))) for speed in (0.01, 1.0))
     assert (np.abs(bent[:, 1]) <= np.abs(sharp[:, 1])).all()
     assert np.abs(bent - sharp).max(axis=0)[1] > 0.5
     np.testing.assert_array_equal(bent[:, [0, 2]], sharp[:, [0, 2]])

@@ -40,8 +40,8 @@ class Intake:
         slides: which of them (njoint) are slides.
         columns: what columns mean that are not spelled as they are understood: `time`, `angle_1`, `torque_elbow`, ….
         topic: of a bag that has several.
-        untrusted: which joints (njoint) move, but their torques are not used; None: none of them.
-        endless: which joints (njoint) turn without an end; None: none of them.
+        untrusted: which joints (njoint) move, but their torques are not used.
+        endless: which joints (njoint) turn without an end.
         needs_torques: whether the torques must be in it; where not, and they are missing, they are 0.
         rate: rows a second of logs without times; None: logs have times.
         names: by the path of a log what it is called; where there is none its file is.
@@ -51,8 +51,8 @@ class Intake:
     slides: NDArray[np.bool_]
     columns: Mapping[str, str] = field(default_factory=dict)
     topic: str | None = None
-    untrusted: NDArray[np.bool_] | None = None
-    endless: NDArray[np.bool_] | None = None
+    untrusted: NDArray[np.bool_] | bool = False
+    endless: NDArray[np.bool_] | bool = False
     needs_torques: bool = True
     rate: float | None = None
     names: Mapping[str, str] = field(default_factory=dict)
@@ -112,8 +112,7 @@ class Intake:
         angles = _numbers(frame, names["angle"], factors)
         speeds = _numbers(frame, names["speed"], factors) if any(names["speed"]) else None
         torques = _numbers(frame, names["torque"] or [""] * len(self.joints), factors)
-        if self.untrusted is not None:
-            torques[:, self.untrusted] = 0.0
+        torques = np.where(self.untrusted, 0.0, torques)
         times = numeric_times([frame[each] for each in piece.times])
         return Record(piece.table.name, times, angles, speeds, torques, piece.notes, names=names)
 
@@ -128,9 +127,8 @@ class Intake:
             refuse_few_rows(run)
         runs = [rested(run) for run in timed]
         moving = [run for run in runs if (np.ptp(run.angles, axis=0) > 0.0).any()] or runs
-        endless = np.zeros_like(self.slides) if self.endless is None else self.endless
         for run in moving:
-            refuse_implausible(run, self.slides, endless, self.needs_torques)
+            refuse_implausible(run, self.slides, self.endless, self.needs_torques)
         still = len(runs) - len(moving)
         if still:
             moving[0] = moving[0].repaired("rest", still, f"{counted(still, 'run')} in which no joint moves left out")

@@ -30,7 +30,7 @@ def refuse_few_rows(readings: Record) -> None:
 
 
 def refuse_implausible(
-    readings: Record, slides: NDArray[np.bool_], endless: NDArray[np.bool_], needs_torques: bool
+    readings: Record, slides: NDArray[np.bool_], endless: NDArray[np.bool_] | bool, needs_torques: bool
 ) -> None:
     """Raises RecordError where angles are in degrees, speeds are not how angles change, torques are all 0, or nothing
     moves.
@@ -50,7 +50,7 @@ def refuse_implausible(
         raise RecordError(f"{readings.name}: no joint moves")
 
 
-def _refuse_degrees(readings: Record, slides: NDArray[np.bool_], endless: NDArray[np.bool_]) -> None:
+def _refuse_degrees(readings: Record, slides: NDArray[np.bool_], endless: NDArray[np.bool_] | bool) -> None:
     is_said = np.array([RADIANS.search(name) is not None for name in readings.names["angle"]])
     stride = max(1, round(0.05 / readings.period))
     moved = np.abs(readings.angles[stride:] - readings.angles[:-stride]).max(axis=0, initial=0.0)

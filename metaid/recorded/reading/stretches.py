@@ -11,19 +11,16 @@ from metaid.recorded.reading.readings import Record, counted
 Stretches = Mapping[str, Sequence[tuple[float, float]]]
 
 
-def without(records: Sequence[Record], stretches: Stretches) -> tuple[Record, ...]:
-    """Logs without what is left out of those of some names, each stretch from a time to another, in s; around the gap
-    that it leaves nothing is fitted or judged.  Raises RecordError where it has no row, or leaves too few.
+def without(stretches: Stretches, *several: Sequence[Record]) -> list[tuple[Record, ...]]:
+    """Several lists of logs without what is left out of those of some names, each stretch from a time to another, in s;
+    around the gap that it leaves nothing is fitted or judged.  Raises RecordError where no log has such a name, or a
+    stretch has no row, or leaves too few.
     """
-    return tuple(_cut(record, stretches.get(record.name, ())) for record in records)
-
-
-def refuse_unknown(stretches: Stretches, records: Sequence[Record]) -> None:
-    """Raises RecordError where a stretch is of none of the `records`."""
+    names = dict.fromkeys(record.name for records in several for record in records)
     for name in stretches:
-        names = tuple(dict.fromkeys(record.name for record in records))
         if name not in names:
             raise RecordError(f"leave-out: {unknown('log', name, names)}")
+    return [tuple(_cut(record, stretches.get(record.name, ())) for record in records) for records in several]
 
 
 def _cut(record: Record, stretches: Sequence[tuple[float, float]]) -> Record:

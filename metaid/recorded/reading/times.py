@@ -54,7 +54,7 @@ def numeric_times(columns: Sequence[pd.Series]) -> Array:
     return np.where(np.abs(times) < NO_TIME, times, np.nan)
 
 
-def in_seconds(readings: Record, said: str | None = None) -> Record:
+def in_seconds(readings: Record, said: str | None) -> Record:
     """The same with times in s from its first row on. Their usual step tells the unit, for a log of a robot has 10 Hz
     to 10 kHz; between two that are possible the speeds tell.
 

@@ -43,7 +43,7 @@ def spaced(name: str) -> str:
     return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name).lower()
 
 
-def unit_in(name: str, kind: str, joint: str = "") -> str:
+def unit_in(name: str, kind: str, joint: str) -> str:
     """The unit of readings of a `kind` that a column's name says beside that of a `joint`, which may be called `turn`;
     ours where it says none, or does not say another.
     """

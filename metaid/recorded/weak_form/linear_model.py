@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +42,7 @@ _UNITS = {  # of hinges, and of slides
     "spring": ("N m/rad", "N/m"),
     "rotor": ("kg m²", "kg"),
 }
+How = Literal["presliding", "bent"]  # of `Sliding`: how dry friction follows the motion
 Bodies = Callable[[Array, Array, Array], Array]
 Rigid = Callable[[Array, Array, Array, Array], Array]
 TURNED, SLIGHT = 0.5, 1e-3  # rad or m; of the largest torque
@@ -249,15 +251,12 @@ class LinearModel:
         """The same with a term of friction in some `joints` (njoint), too."""
         return _rubbing(self, self.rubbing | {(term, joint) for joint in np.flatnonzero(joints).tolist()})
 
-    def with_presliding(self, presliding: Array | float, joints: NDArray[np.bool_] | bool = True) -> LinearModel:
-        """The same with dry friction that builds up over displacements of some `joints` (njoint each), in rad or m."""
-        every = np.where(joints, presliding, self.sliding.presliding)
-        return replace(self, sliding=replace(self.sliding, presliding=every))
-
-    def with_bent(self, bent: Array, joints: NDArray[np.bool_] | bool = True) -> LinearModel:
-        """The same with dry friction that bends at these speeds of some `joints` (njoint each), in rad/s or m/s."""
-        every = np.where(joints, bent, self.sliding.bent)
-        return replace(self, sliding=replace(self.sliding, bent=every))
+    def with_sliding(self, how: How, size: Array | float, joints: NDArray[np.bool_] | bool = True) -> LinearModel:
+        """The same with dry friction that builds up over displacements, in rad or m, or bends at speeds, in rad/s or
+        m/s, of such a `size` in some `joints` (njoint each).
+        """
+        every = np.where(joints, size, getattr(self.sliding, how))
+        return replace(self, sliding=replace(self.sliding, **{how: every}))  # type: ignore[arg-type]
 
     def with_coupled(self, coupled: tuple[tuple[int, int], ...]) -> LinearModel:
         """The same with these pairs of joints, from 0 on, whose motors are coupled."""

@@ -109,7 +109,7 @@ class LogWindows:
         averaged: Array = weights @ at_nodes.reshape(*at_nodes.shape[:2], -1)
         return averaged.reshape(len(at_nodes), len(TESTS), *at_nodes.shape[2:])
 
-    def torques(self, record: Record, delay: float = 0.0) -> Array:
+    def torques(self, record: Record, delay: float) -> Array:
         """The averaged torque that was sent (nwindow x ntest x njoint), `delay` in s later than it is logged.  Eq. 65.
 
         A torque holds until the next is sent.
