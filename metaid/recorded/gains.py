@@ -153,9 +153,8 @@ def _columns(
     empty = np.zeros_like(friction)
     own = np.zeros((*friction.shape[:-1], len(shapes), FIRST))
     if payload is not None:
-        assert model.prior is not None
         motion = windows.coordinates, windows.speeds, windows.accelerations
-        moments = windows.averaged(torque_regressor(model.prior.nominal, *motion)[..., -1, :FIRST])
+        moments = windows.averaged(torque_regressor(model.tree, *motion)[..., -1, :FIRST])
         which = shapes.index((payload.mass, payload.at))
         known, unknown = _of_payload(payload)
         own[..., which, 0] = moments @ known

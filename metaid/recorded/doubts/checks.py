@@ -127,7 +127,7 @@ def _turned(found: RecordedEstimate) -> tuple[Fact, ...]:
     what every joint carries: bodies that carry it may predict as well, or nearly so. Of a pendulum the torque that
     accelerates it tells that it was zeroed where it hangs.
     """
-    prior, is_pendulum = found.model.prior, found.model.is_pendulum
+    is_pendulum = found.model.is_pendulum
     known, moved = (each[np.isfinite(each)] for each in (found.carried, found.accelerated))
     if len(known) < (1 if is_pendulum else 2) or (known > 0.0).any():
         return ()
@@ -136,12 +136,11 @@ def _turned(found: RecordedEstimate) -> tuple[Fact, ...]:
         option = Option("zero", name, np.pi)
         is_off = len(moved) and (moved > 0.0).all()
         return (Fact((f"the zero of joint {name} is off by 180°: ", (option,))),) if is_off else ()
-    assert prior is not None
     text = (
         "the nominal bodies need the opposite of what every joint carries: gravity points the other way in the frame "
         "of the base, "
     )
-    option = gravity_option(-prior.nominal.gravity)
+    option = gravity_option(-found.model.tree.gravity)
     return (Fact((text, (option,), ", or the torques of all joints have the opposite sign, ", SIGNS)),)
 
 

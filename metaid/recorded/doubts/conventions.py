@@ -232,7 +232,7 @@ def suspected(check: Check) -> Iterator[Suspected]:
             coupled = model.with_coupled((*model.sliding.coupled, pair))
             yield Suspected(text, (Option("couple", f"{joint},{joint + 1}"),), check.with_model(coupled))
     if model.prior is not None:
-        tree = model.prior.nominal
+        tree = model.tree
         size = float(np.linalg.norm(tree.gravity)) or 9.81
         for axis in (*np.eye(3), *-np.eye(3)):
             direction = size * axis

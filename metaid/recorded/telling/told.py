@@ -153,6 +153,7 @@ class RecordedResult:
         with viscous and Coulomb friction and springs alone.
         """
         found, records, table = self.estimate, self.records, self.verdict.lumps
+        gravity = tuple(found.model.tree.gravity.tolist())
         names = table["name"].tolist()
         about = {
             "plant": self.plant,
@@ -176,7 +177,7 @@ class RecordedResult:
             lumps=table.assign(value=table["identified"]),
             covariance=pd.DataFrame(found.covariance, index=names, columns=names),
             dynamics=dynamics_of(found),
-            gravity=found.model.gravity if found.model.is_chain else tuple(found.possible.tree.gravity.tolist()),
+            gravity=-gravity[2] if found.model.is_chain else gravity,
             timestep=min(0.002, min(record.period for record in records)),
         )
 

@@ -24,6 +24,7 @@ from metaid.models.tree import (
     Dynamics,
     JointFriction,
     Sliding,
+    Tree,
     friction_torque,
     is_pendulum,
     turning,
@@ -71,9 +72,9 @@ class LinearModel:
         sliding: how dry friction follows the motion, and which joints are coupled.
         untrusted: which joints (njoint) move, but nothing is fitted to their torques.
         passive: which joints (njoint) have no motor, so that their torque is known to be 0.
+        tree: the nominal robot, whose joints may have other names.
         prior: of an arm; None of a chain.
         chain: the nominal one; None of an arm.
-        gravity: of a chain, in m/s².
         rubbing: terms of friction, each with a joint that has it, from 0 on.
     """
 
@@ -90,9 +91,9 @@ class LinearModel:
     sliding: Sliding
     untrusted: NDArray[np.bool_]
     passive: NDArray[np.bool_]
+    tree: Tree
     prior: ArmPrior | None = None
     chain: Chain | None = None
-    gravity: float = 0.0
     rubbing: frozenset[tuple[str, int]] = frozenset()
 
     @property
@@ -120,14 +121,14 @@ class LinearModel:
     @cached_property
     def is_pendulum(self) -> bool:
         """Whether it turns about parallel horizontal axes, as a chain does and an arm may."""
-        return self.prior is None or is_pendulum(self.prior.nominal)
+        return self.is_chain or is_pendulum(self.tree)
 
     @cached_property
     def turning(self) -> Array:
         """By which coordinates (njoint x njoint) each joint's link turns against the base: its own, and those of hinges
         with parallel axes right before it.
         """
-        return np.tril(np.ones((self.njoint, self.njoint))) if self.prior is None else turning(self.prior.nominal)
+        return turning(self.tree)
 
     @cached_property
     def placed(self) -> NDArray[np.bool_]:
@@ -201,9 +202,7 @@ class LinearModel:
     @property
     def endless(self) -> NDArray[np.bool_]:
         """Which joints (njoint) have no range: those of a chain, and of an arm where its file says none."""
-        if self.prior is None:
-            return np.ones(self.njoint, dtype=np.bool_)
-        return np.asarray(~np.isfinite(self.prior.nominal.high - self.prior.nominal.low))
+        return np.asarray(~np.isfinite(self.tree.high - self.tree.low))
 
     @property
     def least_reach(self) -> Array:

@@ -18,6 +18,7 @@ from metaid.models.tree import (
     Tree,
     arm_dynamics,
     body_torque,
+    planar_tree,
     torque_columns,
 )
 from metaid.plant import MujocoPlant, SimulatedPlant
@@ -80,8 +81,8 @@ def chain_model(chain: Chain, gravity: float) -> LinearModel:
         sliding=Sliding.at_once(np.full(n, STILL)),
         untrusted=np.zeros(n, dtype=np.bool_),
         passive=np.zeros(n, dtype=np.bool_),
+        tree=planar_tree(chain, gravity),
         chain=chain,
-        gravity=gravity,
     ).with_friction(BASE)
 
 
@@ -124,5 +125,6 @@ def arm_model(tree: Tree) -> LinearModel:
         sliding=Sliding.at_once(np.full(tree.njoint, STILL)),
         untrusted=np.zeros(tree.njoint, dtype=np.bool_),
         passive=np.zeros(tree.njoint, dtype=np.bool_),
+        tree=tree,
         prior=prior,
     ).with_friction(BASE)

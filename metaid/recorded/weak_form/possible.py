@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.models import Array, Matrices, Nearest
-from metaid.models.tree import PARAMETERS, Tree, nominal_pseudo_inertias, planar_tree, pseudo_inertia
+from metaid.models.tree import PARAMETERS, Tree, nominal_pseudo_inertias, pseudo_inertia
 from metaid.recorded.weak_form.equations import Equations, Solution
 from metaid.recorded.weak_form.linear_model import RIGID
 
@@ -56,11 +56,10 @@ class Possible:
         model, scale = equations.model, equations.scale
         self._model, self._scale, self._fastest = model, scale, equations.fastest
         self._friction = np.arange(model.nbody, len(model.names))
-        prior = model.prior
-        chain = model.chain
+        self._tree = model.tree
+        prior, chain = model.prior, model.chain
         if chain is None:
             assert prior is not None
-            self._tree = prior.nominal
             self._links = scale * self._tree.parameters[:, :RIGID].ravel()
             base = prior.base
             kept = base.columns % len(PARAMETERS) < RIGID
@@ -70,7 +69,6 @@ class Possible:
             spread = np.sqrt(np.diag(prior.parameter_covariance)).reshape(-1, len(PARAMETERS))[:, BODY]
             self._usual_rotor = scale * np.maximum(self._tree.rotor, THIN * spread)
         else:
-            self._tree = planar_tree(chain, model.gravity)
             own = np.stack([chain.mass, chain.mass * chain.com, chain.inertia + chain.mass * chain.com**2], axis=1)
             self._links = scale * np.column_stack([own, np.zeros(chain.nlink)]).ravel()
             self._lengths = np.log(chain.length[:-1])
