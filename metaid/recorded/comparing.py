@@ -40,11 +40,11 @@ class Candidate(NamedTuple):
     def model(self) -> LinearModel:
         return self.equations.model
 
-    def shares(self, before: Candidate, joints: NDArray[np.bool_] | None = None) -> tuple[float, float]:
+    def shares(self, before: Candidate, joints: NDArray[np.bool_] | bool = True) -> tuple[float, float]:
         """The error as a share of that `before`: of the whole, and of one of the `joints` (njoint; by default all) in
         the geometric mean.
         """
-        counts = self.counts if joints is None else self.counts & joints
+        counts = self.counts & joints
         own, usual = (np.maximum(each[counts], 1e-300) for each in (self.by_joint, before.by_joint))
         of_joints = float(np.exp(np.log(own / usual).mean())) if len(own) else 1.0
         return self.whole / max(before.whole, 1e-300), of_joints
@@ -60,7 +60,7 @@ class Candidate(NamedTuple):
         shares = np.log(np.maximum(self.by_fold, 1e-300) / np.maximum(before.by_fold, 1e-300))
         return bool(shares.mean() < -shares.std(ddof=1) / np.sqrt(len(shares)))
 
-    def is_worth(self, before: Candidate, joints: NDArray[np.bool_] | None = None) -> bool:
+    def is_worth(self, before: Candidate, joints: NDArray[np.bool_] | bool = True) -> bool:
         """Whether all joints together are predicted better by WORTH, or one of the `joints` (njoint; by default all) is
         on average, and all are no worse: an arm's wrist is next to nothing of its torque.  Eq. 72.
         """

@@ -102,12 +102,10 @@ def estimate(
         'approximate'
     """
     plant, chosen_joints = _plant_of(nominal, joints, _with_shipped(logs), topic)
-    choices = Choices(span=window, delay=delay, zeros=zeros)
-    if friction is not None:
-        for term in friction:
-            if term not in TERMS:
-                raise RecordError(f"friction: {unknown('term', term, TERMS)}")
-        choices = replace(choices, friction=tuple(friction))
+    for term in friction or ():
+        if term not in TERMS:
+            raise RecordError(f"friction: {unknown('term', term, TERMS)}")
+    choices = Choices(window, delay, None if friction is None else tuple(friction), zeros)
     pairs = [_joints(pair, plant.njoint) for pair in coupled] or plant.couples
     model = model_of(plant, gravity)
     measured = absolute_of(model, absolute)

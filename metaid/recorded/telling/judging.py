@@ -69,7 +69,7 @@ def judge_records(found: RecordedEstimate, facts: Sequence[str] = (), given: Giv
     against = tuple(_against(found, is_known))
     if against:
         return RecordedVerdict("not found", (*facts, *against, *_far_zeros(found)), lumps)
-    told = (*_missed(found), *_held(found), *_without_motor(found), *_carried(found, given))
+    told = (*_of_joints(found), *_carried(found, given))
     told += (*_far_zeros(found), *_unexplained(found, given))
     if not is_known:
         told = (f"no parameter of the bodies is known to {COARSEST:.0%} by itself, only what they need together", *told)
@@ -172,25 +172,19 @@ def _moving(found: RecordedEstimate) -> Array:
     return np.where(found.equations.held | found.model.untrusted, 0.0, found.held_out.by_joint)
 
 
-def _missed(found: RecordedEstimate) -> Iterator[str]:
-    """Which joints' torques are mostly not predicted, in a sentence."""
-    missed = _moving(found) > MOSTLY
-    if missed.any():
-        yield f"more than half of the torque of {', '.join(found.model.named(missed))} is not predicted"
-
-
-def _held(found: RecordedEstimate) -> Iterator[str]:
-    """Which joints are held, in a sentence."""
+def _of_joints(found: RecordedEstimate) -> Iterator[str]:
+    """Of which joints the torque is mostly not predicted, which are held, and which are taken to have no motor, in a
+    sentence each.
+    """
+    missed = found.model.named(_moving(found) > MOSTLY)
+    if missed:
+        yield f"more than half of the torque of {', '.join(missed)} is not predicted"
     names = found.model.named(found.equations.held)
     if names:
         are = "is held, and its torque counts" if len(names) == 1 else "are held, and their torques count"
         yield f"{', '.join(names)} {are} little: stiction bears what a motor does not show"
     if any(own.held.any() for own in found.logs):
         yield "torques of joints that are held in a log and move in another count little there, and are not judged"
-
-
-def _without_motor(found: RecordedEstimate) -> Iterator[str]:
-    """Which joints are taken to have no motor, in a sentence."""
     names = found.model.named(found.model.passive)
     if names:
         yield (
