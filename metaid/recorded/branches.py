@@ -45,12 +45,8 @@ def joints_named(robot: BranchesError, logs: Sequence[str | Path | pd.DataFrame]
 
 
 def _moved(series: Sequence[str], slides: Sequence[str], reach: Mapping[str, float]) -> tuple[int, tuple[str, ...]]:
-    """How many joints of a series move, and the names of all of it that count.
-
-    Args:
-        series: the names of its joints, from the base on.
-        slides: the names of slides.
-        reach: how far joints go that are in logs, in rad or m.
+    """How many joints of a series move, by their names from the base on, and those of all of it that count; of slides
+    the names, and of joints that are in logs how far they go, in rad or m.
     """
     named = [name for name in series if name in reach]
     moving = [name for name in named if reach[name] > (LEAST_SLIDE if name in slides else LEAST_TURN)]

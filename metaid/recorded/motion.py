@@ -70,11 +70,8 @@ def starts_of(own: Smoothed, which: NDArray[np.bool_], most: int) -> NDArray[np.
 
 
 def simulated(begun: Sequence[Begun], delay: float) -> list[Motion]:
-    """How each of several simulations ends, all of them side by side.
-
-    Args:
-        begun: what is simulated, on grids of the same period, by models that differ in their friction alone.
-        delay: by which torques act later than they are logged, in s.
+    """How each of several simulations ends, all of them side by side: on grids of the same period, by models that
+    differ in their friction alone, under torques that act by a `delay`, in s, later than they are logged.
     """
     model, period = begun[0].model, begun[0].own.period
     n, nbody = model.njoint, model.nbody

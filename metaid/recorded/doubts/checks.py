@@ -146,12 +146,8 @@ def _turned(found: RecordedEstimate) -> tuple[Fact, ...]:
 
 def _both(every: Sequence[Suspected], usual: Array, below: float) -> Fact | None:
     """The two of all that may be wrong that leave least at once, whatever the unit of all torques is then; None where
-    none leaves less than `below`, in a possible model or in the free fit, which leaves less.
-
-    Args:
-        every: each by itself.
-        usual: what a possible model leaves unexplained of each joint (njoint) as it is.
-        below: of the unexplained torque.
+    none leaves less than a share `below` of the `usual` (njoint), in a possible model or in the free fit, which leaves
+    less.
     """
     first = sorted(every, key=lambda each: together(each.check.free, usual))[:FIRST]
     pairs = {

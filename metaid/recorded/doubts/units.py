@@ -41,13 +41,8 @@ def units_of(check: Check) -> dict[int, tuple[float, Fact]]:
 
 
 def _is_confirmed(check: Check, joint: int, factors: Array) -> bool:
-    """Whether any joint is explained far worse once the torque of one is multiplied as well: bodies that one joint
-    carries are moved by the others, too.
-
-    Args:
-        check: windows of the logs.
-        joint: whose unit is in doubt, from 0 on.
-        factors: of all torques that are in doubt (njoint).
+    """Whether any joint is explained far worse once the torque of one, from 0 on, is multiplied as well, beside the
+    others that are in doubt, by `factors` (njoint): bodies that one joint carries are moved by the others, too.
     """
     mended = check.with_torques(factors).free
     kept = check.with_torques(np.where(np.arange(len(factors)) == joint, 1.0, factors)).free

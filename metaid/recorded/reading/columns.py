@@ -75,15 +75,9 @@ class _Meant:
 
 
 def understood(table: Table, joints: Sequence[str], mapping: Mapping[str, str]) -> Understood:
-    """Which columns of a table are what.
-
-    Args:
-        table: the table.
-        joints: the names of the robot's joints.
-        mapping: what columns mean that the user names, as `called` has it, or how the log calls a joint.
-
-    Raises:
-        RecordError: some joints have a column of a kind and others have none, or a name means nothing.
+    """Which columns of a table are what, of a robot with such `joints`; in a `mapping` the user says what columns mean,
+    as `called` has it, or how the log calls a joint.  Raises RecordError where some joints have a column of a kind and
+    others have none, or a name means nothing.
     """
     said_joints, said_columns = _joints_said(table, joints, mapping)
     names, said_units = called(table.columns, said_joints, said_columns, table.name)

@@ -136,12 +136,8 @@ class Intake:
 
 
 def _numbers(frame: pd.DataFrame, names: Sequence[str], factors: Mapping[str, float]) -> Array:
-    """The cells of the columns of these names (nrow x ncolumn), NaN where one has no reading, 0 of an empty name.
-
-    Args:
-        frame: all that was read.
-        names: of the columns.
-        factors: by what those of some columns are multiplied.
+    """The cells of the columns of these names (nrow x ncolumn), those of some times `factors`; NaN where one has no
+    reading, 0 of an empty name.
     """
     cells = [frame[name] if name else pd.Series(0.0, index=frame.index) for name in names]
     columns = [pd.to_numeric(column, errors="coerce") for column in cells]

@@ -56,14 +56,8 @@ def numeric_times(columns: Sequence[pd.Series]) -> Array:
 
 def in_seconds(readings: Record, said: str | None) -> Record:
     """The same with times in s from its first row on. Their usual step tells the unit, for a log of a robot has 10 Hz
-    to 10 kHz; between two that are possible the speeds tell.
-
-    Args:
-        readings: a log whose times are in an unknown unit.
-        said: the unit that the column's name says, which is taken where it is possible.
-
-    Raises:
-        RecordError: it is none of s, ms, µs, ns.
+    to 10 kHz; between two that are possible the speeds tell. What the column's name has `said` is taken where it is
+    possible.  Raises RecordError where the unit is none of s, ms, µs, ns.
     """
     step = _usual_step(readings)
     possible = [unit for unit, size in UNITS.items() if FASTEST / NEARLY <= step * size <= SLOWEST * NEARLY]

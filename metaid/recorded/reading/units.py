@@ -56,13 +56,8 @@ def unit_in(name: str, kind: str, joint: str) -> str:
 
 
 def converted(columns: Sequence[str], units: Sequence[str], kind: str) -> tuple[dict[str, float], tuple[Repair, ...]]:
-    """By what the readings of columns of one `kind` are multiplied where they are in units of their own, and a line
-    that says so.
-
-    Args:
-        columns: of the joints (njoint).
-        units: of each (njoint).
-        kind: of the readings: angle, speed, torque or current.
+    """By what the readings of one `kind`, angle, speed, torque or current, are multiplied where their columns (njoint)
+    are in units (njoint) of their own, and a line that says so.
     """
     factors: dict[str, float] = {}
     notes = []

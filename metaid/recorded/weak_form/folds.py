@@ -66,11 +66,7 @@ class Fold:
 def folds_of(logs: Sequence[Smoothed], middles: Sequence[Array]) -> tuple[Fold, ...]:
     """What is held out: whole logs where there are WHOLE or more, else thirds of each; thirds of a motion that recurs
     in what is not held out. Where a joint moves in one log alone, a third of each: else nothing would tell of the
-    joint.
-
-    Args:
-        logs: on their grids.
-        middles: when the windows of each log are (nwindow), in s.
+    joint. Thirds have as many windows, by their `middles` in each log (nwindow), in s.
     """
     groups = np.array_split(np.arange(len(logs)), min(len(logs), MOST_FOLDS))
     if len(logs) > 1 and not _move_elsewhere(logs, groups):
