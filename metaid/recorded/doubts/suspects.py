@@ -163,13 +163,7 @@ def _misplaced(equations: Equations, prior: ArmPrior, bodies: Array) -> Suspect:
             for each in windows
         ]
 
-    usual = needed(tree)
-    columns: list[list[Array]] = [[] for _ in windows]
-    joints, deviations = [], []
-
-    for joint, moved, deviation in misplaced(tree, SHIFT):
-        for own, before, after in zip(columns, usual, needed(moved), strict=True):
-            own.append((after - before) / SHIFT)
-        joints.append(joint)
-        deviations.append(deviation)
-    return Suspect("another place", [np.stack(own, axis=-1) for own in columns], tuple(joints), np.array(deviations))
+    joints, moved, deviations = zip(*misplaced(tree, SHIFT), strict=True)
+    of_logs = zip(needed(tree), *map(needed, moved), strict=True)
+    columns = [np.stack([(after - usual) / SHIFT for after in others], axis=-1) for usual, *others in of_logs]
+    return Suspect("another place", columns, joints, np.array(deviations))
