@@ -188,10 +188,9 @@ def _repeats(read: Array) -> NDArray[np.bool_]:
 
 def _moves(angles: Array) -> NDArray[np.bool_]:
     """Rows (nrow) around which a joint moves by some steps of its encoder (nrow x njoint) from one to the next."""
-    reach = 10
-    ahead = np.concatenate([angles[reach:], np.repeat(angles[-1:], reach, axis=0)])
-    behind = np.concatenate([np.repeat(angles[:1], reach, axis=0), angles[:-reach]])
-    steps = np.abs(ahead - behind) / (2.0 * reach)
+    rows, reach = np.arange(len(angles)), 10
+    ahead, behind = np.minimum(rows + reach, rows[-1]), np.maximum(rows - reach, 0)
+    steps = np.abs(angles[ahead] - angles[behind]) / (2.0 * reach)
     return np.asarray((steps > STEPS * np.maximum(resolution_of(angles), 1e-12)).any(axis=1), dtype=np.bool_)
 
 

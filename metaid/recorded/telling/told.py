@@ -13,6 +13,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 import metaid
+from metaid.errors import first_of
 from metaid.exporting import IdentifiedModel, file_torques
 from metaid.frames import json_rows
 from metaid.models import Array
@@ -82,6 +83,11 @@ class RecordedResult:
     def records(self) -> tuple[Record, ...]:
         """The logs as they were read."""
         return self.estimate.records
+
+    @property
+    def name(self) -> str:
+        """Of the model: the first log, and how many more there are."""
+        return first_of([record.name for record in self.records], 1)
 
     @property
     def summary(self) -> dict[str, Any]:
@@ -172,7 +178,7 @@ class RecordedResult:
         if found.gains is not None:
             about |= {"gains": found.gains.values.tolist(), "gain_deviations": found.gains.frame["sd"].tolist()}
         return IdentifiedModel(
-            name=records[0].name if len(records) == 1 else f"{records[0].name} and {len(records) - 1} more",
+            name=self.name,
             about=about,
             lumps=table.assign(value=table["identified"]),
             covariance=pd.DataFrame(found.covariance, index=names, columns=names),
@@ -209,10 +215,10 @@ class RecordedResult:
             logs = tuple(own for own, _ in self.validation)
             zeros = [held.parts[0].zeros for _, held in self.validation]
         squares, whole, rows = np.zeros(model.njoint), np.zeros(model.njoint), 0
-        name, bodies = self.model.name, found.values[: model.nbody]
+        bodies = found.values[: model.nbody]
         for own, zero in zip(logs, zeros, strict=True):
             motion = own.coordinates + zero, own.speeds, own.accelerations
-            predicted = file_torques(path, name, *motion, tree.names, gravity=tree.gravity)
+            predicted = file_torques(path, self.name, *motion, tree.names, gravity=tree.gravity)
             if predicted.torques is None:
                 return FileError(str(path), None, (), 0, predicted.why_not)
             sent = own.acting(found.delay)
