@@ -106,7 +106,7 @@ class PushCheck:
         self._push = push
         self._earlier = earlier
         self._timestep = timestep
-        self._lumps, self._inertia = calibration.nominal.lumps, calibration.nominal.inertia_lumps
+        self._lumps = calibration.nominal.lumps
         self._weights = calibration.gravity * self._lumps.gravity
         self._two_joints = np.eye(len(self._weights)) + np.eye(len(self._weights), k=1)  # of a link: its own, the next
         natural = np.sqrt(calibration.nominal.length.mean() / calibration.gravity)
@@ -174,7 +174,7 @@ class PushCheck:
     def finish(self) -> None:
         """The push is over: no other push may have had the same readings to the last digit under other torques."""
         force = self._twice - np.append(self._twice[1:], 0.0)
-        matrix = mass_matrix(self._lumps, self._inertia, np.zeros(len(force)))
+        matrix = mass_matrix(self._lumps, np.zeros(len(force)))
         turned = self._timestep**2 * np.linalg.solve(matrix, force)
         gap = np.abs(turned - self._earlier.setdefault(self._digest.digest(), turned))
         self._refuse(
@@ -188,7 +188,7 @@ class PushCheck:
     def _check_change(self, speeds: Array, torque: Array) -> None:
         """No speed changes faster than the largest forces can change it that the nominal model allows."""
         turning = self._speeds.cumsum()
-        matrix = mass_matrix(self._lumps, self._inertia, self._angles.cumsum())
+        matrix = mass_matrix(self._lumps, self._angles.cumsum())
         # Torques may come late, so the largest so far counts; on a link act that of its joint and of the next.
         self._force = np.maximum(self._force, self._two_joints @ np.abs(torque))
         force = self._force + self._weights + self._lumps.coriolis @ turning**2

@@ -132,7 +132,7 @@ class BaseUnknowns:
         return np.asarray(inverse @ (values - self.prior.values), dtype=np.float64)
 
     def torques(self, speed: float) -> Array:
-        states = random_states(self.prior.nominal, POSES, np.random.default_rng(0))[0]
+        states = random_states(self.prior.nominal, 0, POSES)[0]
         rest, each = np.zeros_like(states), np.full_like(states, speed**2)
         needed = joint_torque(self.prior.nominal, states, rest, each)
         held = joint_torque(self.prior.nominal, states, rest, rest)

@@ -223,7 +223,7 @@ class Estimate(Found):
         if lumps.inertia is None:
             return True
         poses: Array = np.pi * np.random.default_rng(0).integers(0, 2, (POSES, lumps.nlink)).astype(np.float64)
-        return bool((np.linalg.eigvalsh(mass_matrix(lumps, lumps.inertia, poses)) > 0.0).all())
+        return bool((np.linalg.eigvalsh(mass_matrix(lumps, poses)) > 0.0).all())
 
     def interval_with(self, deviations: Array) -> tuple[Array, Array]:
         """Eq. 27; where counts are compared the `extent`."""

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.models import FRICTION, SLIDING, Array, ChainModel
-from metaid.models.tree import PARAMETERS, JointFriction, Tree, body_torque, joint_mass_matrix
+from metaid.models.tree import PARAMETERS, JointFriction, Tree, body_torque, inertia_matrices, joint_mass_matrix
 
 Constants = Mapping[str, Array | NDArray[np.bool_] | NDArray[np.intp]]
 _ROTOR, _DAMPING, _COULOMB = (PARAMETERS.index(name) for name in ("rotor", "damping", "coulomb"))
@@ -151,7 +151,7 @@ class ArmLaw(_Written):
             "slides": tree.slides,
             "mass": parameters[:, 0],
             "moment": parameters[:, 1:4],
-            "inertia": parameters[:, [4, 5, 6, 5, 7, 8, 6, 8, 9]].reshape(-1, 3, 3),
+            "inertia": inertia_matrices(parameters),
             "rotor": parameters[:, _ROTOR],
             "damping": friction.of("viscous"),
             "coulomb": friction.of("coulomb"),

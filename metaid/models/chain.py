@@ -65,7 +65,7 @@ class Chain:
 
     def mass_matrix(self, angles: Array) -> Array:
         """M(φ) at absolute `angles` (... x nlink) → (... x nlink x nlink), in kg m².  Eq. 4."""
-        return mass_matrix(self.lumps, self.inertia_lumps, angles)
+        return mass_matrix(self.lumps, angles)
 
 
 def speeds_after(chain: Chain, impulses: Array, angles: Array) -> Array:

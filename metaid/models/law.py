@@ -15,12 +15,10 @@ from metaid.models.lumps import IDEAL, Array, Lumps, link_pairs
 SLIDING = 0.1  # rad/s; a joint slower than this is sent that share of its dry friction: a sign would chatter
 
 
-def mass_matrix(lumps: Lumps, inertia_lumps: Array, angles: Array) -> Array:
-    """M(φ) (... x nlink x nlink), in kg m², at absolute `angles` (... x nlink), from `lumps` and d (... x nlink).  Eq.
-    4.
-    """
+def mass_matrix(lumps: Lumps, angles: Array) -> Array:
+    """M(φ) (... x nlink x nlink), in kg m², at absolute `angles` (... x nlink).  Eq. 4."""
     difference = angles[..., :, None] - angles[..., None, :]
-    matrix: Array = lumps.coriolis * np.cos(difference) + inertia_lumps[..., None] * np.eye(lumps.nlink)
+    matrix: Array = lumps.coriolis * np.cos(difference) + lumps.of("inertia")[..., None] * np.eye(lumps.nlink)
     return matrix
 
 
@@ -93,7 +91,7 @@ def compensation_torque(
     sine = np.sin(angles[..., :, None] - angles[..., None, :])
     force = _product(lumps.coriolis * sine, speeds**2) - gravity * lumps.gravity * np.sin(angles)  # Eq. 5
     if stiffness:
-        force -= stiffness * _product(mass_matrix(lumps, lumps.of("inertia"), angles), angles)  # Eq. 13
+        force -= stiffness * _product(mass_matrix(lumps, angles), angles)  # Eq. 13
     torque = running_sum(force[..., ::-1])[..., ::-1]  # Eq. 6
     if lumps.damping is not None:  # Eq. 12
         torque = torque + lumps.damping * joint_speeds

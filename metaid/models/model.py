@@ -52,7 +52,7 @@ class ChainModel:
 
     def mass_matrix(self, angles: Array) -> Array:
         """Eq. 4 in joint coordinates; it needs the inertia lumps."""
-        absolute = mass_matrix(self.lumps, self.lumps.of("inertia"), running_sum(angles))
+        absolute = mass_matrix(self.lumps, running_sum(angles))
         carried = running_sum(running_sum(absolute[..., ::-1, ::-1]), axis=-2)
         return carried[..., ::-1, ::-1]  # absolute angles are sums of joint angles
 

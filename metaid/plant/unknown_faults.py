@@ -16,7 +16,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from metaid.models import Array
+from metaid.models import Array, kind_of
 from metaid.plant.arm_plant import ArmPlant
 from metaid.plant.mujoco_plant import MujocoPlant
 
@@ -55,7 +55,7 @@ def fault_names(kinds: Sequence[str], njoint: int, tilts: int = 1) -> list[str]:
 
 def fault_unit(name: str) -> str:
     """The SI unit of a fault, by its name."""
-    return FAULT_UNITS[name.partition("_")[0]]
+    return FAULT_UNITS[kind_of(name)]
 
 
 def true_faults(plant: MujocoPlant | ArmPlant, kinds: Sequence[str]) -> Array:

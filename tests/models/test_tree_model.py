@@ -84,7 +84,7 @@ def test_base_parameters_tell_the_torque_and_no_fewer_would(njoint: int, slides:
     """Columns of the base parameters times their values are the torque, and these columns are independent."""
     tree = random_arm(njoint, 5, slides)
     base = base_parameters(tree)
-    states = random_states(tree, 40, np.random.default_rng(7))
+    states = random_states(tree, 7, 40)
     rows = torque_regressor(tree, *states).reshape(40 * njoint, -1)[:, base.columns]
     torque = joint_torque(tree, *states).ravel()
     np.testing.assert_allclose(rows @ base.of(tree.parameters), torque, atol=1e-9 * np.abs(torque).max())

@@ -1,7 +1,7 @@
 """A serial arm in space: links that hinges and slides join, each after the one before.
 
 `Tree` holds its kinematics and its inertial and friction parameters. Its torque is linear in these (`torque_regressor`)
-and depends on some combinations alone, the `BaseParameters`. A `ArmPrior` says how wrong a nominal arm may be.
+and depends on some combinations alone, the `BaseParameters`. An `ArmPrior` says how wrong a nominal arm may be.
 `JointFriction` is what friction real joints have.
 """
 
@@ -27,4 +27,4 @@ from metaid.models.tree.regressor import (
     torque_columns,
     torque_regressor,
 )
-from metaid.models.tree.tree import PARAMETERS, Tree, tilted_gravity
+from metaid.models.tree.tree import PARAMETERS, Tree, inertia_matrices, tilted_gravity

@@ -10,9 +10,9 @@ import numpy as np
 
 from metaid.errors import EpisodeError, unknown
 from metaid.models.lumps import Array
-from metaid.models.tree.base import NOTHING, STATES, BaseParameters, base_parameters, random_states, shown_by
+from metaid.models.tree.base import NOTHING, BaseParameters, base_parameters, random_states, shown_by
 from metaid.models.tree.regressor import BODY, joint_torque
-from metaid.models.tree.tree import PARAMETERS, Tree
+from metaid.models.tree.tree import PARAMETERS, UPPER, Tree
 
 LEAST_LEVER = 0.01  # m, of a centre of mass that is said to be on the joint
 ROUNDING = 1e-6  # of a standard deviation: what is left of one that is none
@@ -160,7 +160,7 @@ class ArmPrior:
     @cached_property
     def _torques(self) -> Array:
         """What the nominal joints need in random states, root mean square (njoint), in N m or N."""
-        needed = joint_torque(self.nominal, *random_states(self.nominal, STATES, np.random.default_rng(1)))
+        needed = joint_torque(self.nominal, *random_states(self.nominal, 1))
         torques = np.sqrt((needed**2).mean(axis=0))
         return np.asarray(np.maximum(torques, LEAST_SHARE * torques.max()), dtype=np.float64)
 
@@ -170,15 +170,14 @@ def _of_body(tree: Tree, link: int, apart: PriorDeviations) -> Array:
     mass, com, inertia = tree.mass[link], tree.com[link], tree.inertia[link]
     moments = np.diag(inertia)
     sizes = np.sqrt(np.outer(moments, moments)) * np.where(np.eye(3) > 0.0, 1.0, 0.5)
-    upper = np.triu_indices(3)
     lever = max(float(np.linalg.norm(com)), LEAST_LEVER)
-    deviations = np.concatenate([[apart.mass * mass], np.full(3, apart.com * lever), apart.inertia * sizes[upper]])
+    deviations = np.concatenate([[apart.mass * mass], np.full(3, apart.com * lever), apart.inertia * sizes[UPPER]])
     # How m, m c and the inertia about the origin change with m, c and that about the centre of mass.
     change = np.eye(BODY)
     change[1:4, 0], change[1:4, 1:4] = com, mass * np.eye(3)
-    change[4:, 0] = (com @ com * np.eye(3) - np.outer(com, com))[upper]
+    change[4:, 0] = (com @ com * np.eye(3) - np.outer(com, com))[UPPER]
     for axis, unit in enumerate(np.eye(3)):
         spread = 2.0 * com[axis] * np.eye(3) - np.outer(unit, com) - np.outer(com, unit)
-        change[4:, 1 + axis] = mass * spread[upper]
+        change[4:, 1 + axis] = mass * spread[UPPER]
     rows = change * deviations
     return np.asarray(rows @ rows.T, dtype=np.float64)

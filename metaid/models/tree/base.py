@@ -67,8 +67,9 @@ def parameter_unit(kind: str, is_slide: bool) -> str:
     return _KINDS.get(kind, "kg m" if kind.startswith("m") else "kg m²")
 
 
-def random_states(tree: Tree, count: int, random: np.random.Generator) -> tuple[Array, Array, Array]:
+def random_states(tree: Tree, seed: int, count: int = STATES) -> tuple[Array, Array, Array]:
     """Joint coordinates in their ranges, speeds and accelerations (count x njoint each)."""
+    random = np.random.default_rng(seed)
     widest = np.where(tree.slides, 1.0, np.pi)  # of a joint without limits
     low, high = np.where(np.isfinite(tree.low), tree.low, -widest), np.where(np.isfinite(tree.high), tree.high, widest)
     speeds, accelerations = random.standard_normal((2, count, tree.njoint))
@@ -83,7 +84,7 @@ def base_parameters(tree: Tree, counted_by: Sequence[str] | None = None, tilts: 
         counted_by: the parameters that they are counted by (nbase). By default independent ones are looked for.
         tilts: whether its base may be tilted, which lets gravity show what it does not show of an upright one.
     """
-    states = random_states(tree, STATES, np.random.default_rng(0))
+    states = random_states(tree, 0)
     leaning = [tree, *(replace(tree, gravity=tilted_gravity(tree.gravity, tilt)) for tilt in TILTS)]
     rows = _reduced(np.concatenate([torque_regressor(each, *states) for each in (leaning if tilts else [tree])]))
     kinds, names = list(PARAMETERS) * tree.njoint, parameter_names(tree.njoint)
@@ -109,7 +110,7 @@ def shown_by(tree: Tree, columns: NDArray[np.intp]) -> Array:
     """What torques in random states have for a unit of each of these `columns` of an arm's parameters, as fewer rows
     (13 njoint x ncolumn) between whose columns all is the same.
     """
-    return _reduced(torque_regressor(tree, *random_states(tree, STATES, np.random.default_rng(0))))[:, columns]
+    return _reduced(torque_regressor(tree, *random_states(tree, 0)))[:, columns]
 
 
 def _reduced(regressor: Array) -> Array:
@@ -137,7 +138,7 @@ def seen_by_bias(tree: Tree, base: BaseParameters) -> NDArray[np.bool_]:
     """Which base parameters (nbase) the torque shows of an arm that nothing accelerates, the others in the mass matrix
     alone: those that no combination hides that leaves this torque as it is.
     """
-    coordinates, speeds, _ = random_states(tree, STATES, np.random.default_rng(0))
+    coordinates, speeds, _ = random_states(tree, 0)
     rows = _reduced(torque_regressor(tree, coordinates, speeds, np.zeros_like(speeds)))
     _, singular, right = np.linalg.svd(rows[:, base.columns], full_matrices=False)
     hidden = right[singular <= NOTHING * singular[0]]

@@ -14,18 +14,16 @@ from metaid.models.lumps import Array
 from metaid.models.nearest_bodies import Nearest
 from metaid.models.tree.arm_prior import LEAST_LEVER, ArmPrior
 from metaid.models.tree.regressor import BODY
-from metaid.models.tree.tree import PARAMETERS, Tree
+from metaid.models.tree.tree import PARAMETERS, Tree, inertia_matrices
 
 FLAT = 1e-3  # of a body's size: a nominal body that is thinner counts as this thick
 SMALL = 0.1  # of the deviation of a rotor's inertia: a nominal rotor of 0 counts as this
 ROTOR = BODY
-MOMENTS = np.zeros((3, 3, 6))  # the matrix of inertia from its six moments
-for _row, _column, _moment in ((0, 0, 0), (0, 1, 1), (0, 2, 2), (1, 1, 3), (1, 2, 4), (2, 2, 5)):
-    MOMENTS[_row, _column, _moment] = MOMENTS[_column, _row, _moment] = 1.0
+_INERTIA = np.moveaxis(inertia_matrices(np.eye(BODY)), 0, -1)
 _PSEUDO = np.zeros((4, 4, BODY))
 _PSEUDO[3, 3, 0] = 1.0
 _PSEUDO[:3, 3, 1:4] = _PSEUDO[3, :3, 1:4] = np.eye(3)
-_PSEUDO[:3, :3, 4:] = 0.5 * np.eye(3)[..., None] * np.trace(MOMENTS) - MOMENTS
+_PSEUDO[:3, :3] = 0.5 * np.eye(3)[..., None] * np.trace(_INERTIA) - _INERTIA
 USED = 1e-9  # of a direction that leaves the base parameters alone: what a parameter has at least, to be free in it
 
 

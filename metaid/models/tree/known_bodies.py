@@ -13,7 +13,7 @@ from metaid.models.lumps import Array
 from metaid.models.tree.arm_prior import ArmPrior
 from metaid.models.tree.bodies import possible_bodies
 from metaid.models.tree.regressor import BODY
-from metaid.models.tree.tree import Tree
+from metaid.models.tree.tree import UPPER, Tree
 
 QUANTITIES = {"mass": "kg", "com_x": "m", "com_y": "m", "com_z": "m"}
 QUANTITIES |= {f"inertia_{axes}": "kg m²" for axes in ("xx", "xy", "xz", "yy", "yz", "zz")}
@@ -65,5 +65,5 @@ def known_bodies(prior: ArmPrior, values: Array, covariance: Array) -> KnownBodi
 
 def body_quantities(tree: Tree) -> Array:
     """The quantities of the links of an arm (n), in the order of `KnownBodies`."""
-    inertia = tree.inertia[:, *np.triu_indices(3)]
+    inertia = tree.inertia[:, *UPPER]
     return np.concatenate([tree.mass, tree.com.T.ravel(), inertia.T.ravel()])

@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from metaid.models.lumps import Array
-from metaid.models.tree.bodies import MOMENTS
-from metaid.models.tree.tree import Tree, crossing
+from metaid.models.tree.tree import UPPER, Tree, crossing, inertia_matrices
 
 MISPLACED, TURNED = 0.005, 0.01  # m, rad: how far a joint may be from where it is said to be, a standard deviation
 
@@ -37,7 +36,7 @@ def last_link_turned(tree: Tree, parameters: Array) -> Array:
     changes = np.zeros_like(parameters)
     if not tree.slides[-1]:
         across = crossing(tree.axis[-1])
-        inertia = across @ (MOMENTS @ parameters[-1, 4:10])
+        inertia = across @ inertia_matrices(parameters[-1])
         changes[-1, 1:4] = across @ parameters[-1, 1:4]
-        changes[-1, 4:10] = (inertia + inertia.T)[np.triu_indices(3)]
+        changes[-1, 4:10] = (inertia + inertia.T)[UPPER]
     return changes

@@ -8,7 +8,7 @@ import numpy as np
 
 from metaid.models.intervals import deviations_at_once
 from metaid.models.lumps import Array
-from metaid.models.tree.base import NOTHING, STATES, BaseParameters, random_states
+from metaid.models.tree.base import NOTHING, BaseParameters, random_states
 from metaid.models.tree.dynamics import joint_mass_matrix
 from metaid.models.tree.regressor import joint_torque, torque_regressor
 from metaid.models.tree.tree import Tree
@@ -40,7 +40,7 @@ def model_error(true: Tree, parameters: Array) -> ModelError:
 
 def difference(true: Tree, other: Tree) -> ModelError:
     """How wrong another arm with the same joints is, wherever these are."""
-    coordinates, speeds, accelerations = random_states(true, STATES, np.random.default_rng(HELD_OUT))
+    coordinates, speeds, accelerations = random_states(true, HELD_OUT)
     still = np.zeros_like(speeds)
     parts: list[tuple[Array, Array, Array]] = []
     for arm in (true, other):
@@ -75,7 +75,7 @@ def torque_half_width(tree: Tree, base: BaseParameters, values: Array, covarianc
 
 def torque_rows(tree: Tree, base: BaseParameters) -> Array:
     """What the joint torques are by the base parameters (nstate x njoint x nbase), in random states of an arm."""
-    regressor = torque_regressor(tree, *random_states(tree, STATES, np.random.default_rng(HELD_OUT)))
+    regressor = torque_regressor(tree, *random_states(tree, HELD_OUT))
     return np.asarray(regressor.reshape(*regressor.shape[:2], -1)[..., base.columns])
 
 

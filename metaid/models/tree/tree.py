@@ -19,7 +19,7 @@ from metaid.models.lumps import Array
 # slide); viscous friction in N m s (N s/m) and dry friction in N m (N).
 PARAMETERS = ("m", "mx", "my", "mz", "xx", "xy", "xz", "yy", "yz", "zz", "rotor", "damping", "coulomb")
 
-_INERTIA = (0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2)  # rows and columns of the moments of inertia, in their order
+UPPER = np.triu_indices(3)  # rows and columns of the moments of inertia, in their order
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Tree:
         moment = self.mass[:, None] * self.com
         offset = np.einsum("ni,ni->n", moment, self.com)[:, None, None] * np.eye(3)
         about_origin = self.inertia + offset - moment[:, :, None] * self.com[:, None, :]  # parallel axes
-        inertia = about_origin[:, *_INERTIA]
+        inertia = about_origin[:, *UPPER]
         friction = np.stack([self.rotor, self.damping, self.coulomb], axis=1)
         return np.concatenate([self.mass[:, None], moment, inertia, friction], axis=1)
 
@@ -81,13 +81,15 @@ class Tree:
         """
         mass, moment = parameters[:, 0], parameters[:, 1:4]
         com = moment / mass[:, None]
-        about_origin = np.zeros((self.njoint, 3, 3))
-        about_origin[:, *_INERTIA] = parameters[:, 4:10]
-        about_origin[:, *_INERTIA[::-1]] = parameters[:, 4:10]
         offset = np.einsum("ni,ni->n", moment, com)[:, None, None] * np.eye(3)
-        inertia = about_origin - offset + moment[:, :, None] * com[:, None, :]
+        inertia = inertia_matrices(parameters) - offset + moment[:, :, None] * com[:, None, :]
         rotor, damping, coulomb = parameters[:, 10:].T
         return replace(self, mass=mass, com=com, inertia=inertia, rotor=rotor, damping=damping, coulomb=coulomb)
+
+
+def inertia_matrices(parameters: Array) -> Array:
+    """The moments of inertia among `parameters` (... x 10 or more) as matrices (... x 3 x 3)."""
+    return parameters[..., [4, 5, 6, 5, 7, 8, 6, 8, 9]].reshape(*parameters.shape[:-1], 3, 3)
 
 
 def crossing(axis: Array) -> Array:
