@@ -64,16 +64,10 @@ class Space(NamedTuple):
 
 def frames_of(tree: Tree) -> Frames:
     """Those of an arm."""
-    n, axis = tree.njoint, tree.axis
-    along = np.einsum("ni,nj->nij", axis, axis)
-    skew = np.zeros((n, 3, 3))
-    skew[:, [2, 0, 1], [1, 2, 0]] = axis
-    skew[:, [1, 2, 0], [2, 0, 1]] = -axis
-    hinge = (~tree.slides)[:, None, None]
-    parts = np.where(hinge, along, np.eye(3)), np.where(hinge, np.eye(3) - along, 0.0), np.where(hinge, skew, 0.0)
-    fixed, turned, across = (np.array(tree.rotation @ part, order="C").reshape(n, 9) for part in parts)
-    slide = np.einsum("nij,nj->ni", tree.rotation, axis) * tree.slides[:, None]
-    position, axis, gravity = (np.array(each, np.float64, order="C") for each in (tree.position, axis, tree.gravity))
+    fixed, turned, across = np.array(tree.turning.reshape(tree.njoint, 3, 9).swapaxes(0, 1), order="C")
+    slide = np.einsum("nij,nj->ni", tree.rotation, tree.axis) * tree.slides[:, None]
+    vectors = tree.position, tree.axis, tree.gravity
+    position, axis, gravity = (np.array(each, np.float64, order="C") for each in vectors)
     return Frames(fixed, turned, across, position, slide, axis, tree.slides.astype(np.float64), gravity)
 
 

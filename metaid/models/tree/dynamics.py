@@ -66,11 +66,9 @@ def _parts(tree: Tree) -> Array:
     """
     at_zero, joint = np.tile(np.eye(4), (tree.njoint, 1, 1)), np.zeros((tree.njoint, 4, 4))
     at_zero[:, :3, :3], at_zero[:, :3, 3] = tree.rotation, tree.position
-    for own, axis, is_slide in zip(joint, tree.axis, tree.slides.tolist(), strict=True):
-        if is_slide:
-            own[:3, 3] = axis
-        else:
-            own[:3, :3] = crossing(axis)
+    slides = tree.slides[:, None]
+    joint[:, :3, :3] = np.where(slides[..., None], 0.0, crossing(tree.axis))
+    joint[:, :3, 3] = np.where(slides, tree.axis, 0.0)
     return np.stack([at_zero, at_zero @ joint, at_zero @ joint @ joint], axis=-1).reshape(-1, 16, 3)
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from metaid.models.law import sliding
 from metaid.models.lumps import Array
-from metaid.models.tree.tree import PARAMETERS, Tree, crossing
+from metaid.models.tree.tree import PARAMETERS, Tree
 
 BODY = 10  # of PARAMETERS, those of the link itself; the others are its joint's
 
@@ -149,15 +149,11 @@ def kinetic_squares(tree: Tree, coordinates: Array, speeds: Array) -> Array:
 
 def _placed(tree: Tree, joint: int, coordinate: Array) -> tuple[Array, Array]:
     """A link's axes (3 x 3 x ...) and its origin (3 x ...) in the frame of the link before, at a `coordinate` (...)."""
-    axis, rotation = tree.axis[joint], tree.rotation[joint]
     place = tree.position[joint].reshape(3, *[1] * coordinate.ndim)
     if tree.slides[joint]:
-        axes = rotation.reshape(3, 3, *[1] * coordinate.ndim)
-        return axes, place + np.multiply.outer(rotation @ axis, coordinate)
-    along, across = np.outer(axis, axis), crossing(axis)
-    parts = rotation @ np.stack([along, np.eye(3) - along, across])
+        place = place + np.multiply.outer(tree.rotation[joint] @ tree.axis[joint], coordinate)
     factors = np.stack([np.ones_like(coordinate), np.cos(coordinate), np.sin(coordinate)])
-    axes = parts.reshape(3, 9).T @ factors.reshape(3, -1)
+    axes = tree.turning[joint].reshape(3, 9).T @ factors.reshape(3, -1)
     return axes.reshape(3, 3, *coordinate.shape), place
 
 

@@ -74,6 +74,16 @@ class Tree:
         friction = np.stack([self.rotor, self.damping, self.coulomb], axis=1)
         return np.concatenate([self.mass[:, None], moment, inertia, friction], axis=1)
 
+    @cached_property
+    def turning(self) -> Array:
+        """What the axes of each link in the frame of the link before are a sum of (njoint x 3 x 3 x 3): as they are;
+        times cos q; times sin q.
+        """
+        hinge, along = ~self.slides[:, None, None], self.axis[:, :, None] * self.axis[:, None, :]
+        fixed = np.where(hinge, along, np.eye(3))
+        parts = [fixed, np.eye(3) - fixed, np.where(hinge, crossing(self.axis), 0.0)]
+        return np.asarray(self.rotation[:, None] @ np.stack(parts, axis=1), dtype=np.float64)
+
     def with_parameters(self, parameters: Array) -> Tree:
         """The same arm with these `parameters` (njoint x 13). They need not be those of a body that can be.
 
@@ -92,9 +102,12 @@ def inertia_matrices(parameters: Array) -> Array:
     return parameters[..., [4, 5, 6, 5, 7, 8, 6, 8, 9]].reshape(*parameters.shape[:-1], 3, 3)
 
 
-def crossing(axis: Array) -> Array:
-    """The matrix (3 x 3) that makes a x b of b, a being an `axis` (3)."""
-    return np.cross(axis, np.eye(3), axisb=0, axisc=0)
+def crossing(axes: Array) -> Array:
+    """The matrices (... x 3 x 3) that make a x b of b, a being one of the `axes` (... x 3)."""
+    matrices = np.zeros((*axes.shape, 3))
+    matrices[..., [2, 0, 1], [1, 2, 0]] = axes
+    matrices[..., [1, 2, 0], [2, 0, 1]] = -axes
+    return matrices
 
 
 def tilted_gravity(gravity: Array, tilt: Array) -> Array:
