@@ -111,14 +111,11 @@ def _place(chain):  # type: ignore[no-untyped-def]
 
 @compiled
 def look(chain, links, stiffness):  # type: ignore[no-untyped-def]
-    """The same; turns the `links` to their angles, for a law with this `stiffness`."""
+    """The same; turns the `links` to their angles, for a law with this `stiffness`. Hinges are about y: the matrix of a
+    link at the absolute angle φ begins with cos φ, 0, sin φ.
+    """
     _place(chain)
-    _turn_to_rotations(chain.rotations, links, stiffness)
-
-
-@compiled
-def _turn_to_rotations(rotations, links, stiffness):  # type: ignore[no-untyped-def]
-    """Hinges about y: the matrix of a link at the absolute angle φ begins with cos φ, 0, sin φ."""
+    rotations = chain.rotations
     for i in range(rotations.shape[0]):
         turn(links[i], rotations[i, 0], rotations[i, 2], stiffness)
 

@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from metaid.errors import PlantError
 from metaid.excitation.forecast import LASTS, LogForecast, LogNoise, forecast
-from metaid.excitation.limits import Limits, read_limits, usual_limits
+from metaid.excitation.limits import OF_JOINTS, Limits, read_limits, usual_limits
 from metaid.excitation.search import Criterion, MotionSearch, best_of_random, draws, improved
 from metaid.excitation.series import Series, Trajectory
 from metaid.models import COARSEST, Array
@@ -107,7 +107,7 @@ class Excitation:
     @property
     def summary(self) -> dict[str, Any]:
         """All of it as `metaid excite --json` prints it; None of what has no limit, and of gains that are not known."""
-        limits = {key: getattr(self.limits, key) for key in ("low", "high", "speed", "acceleration", "torque")}
+        limits = {key: getattr(self.limits, key) for key in OF_JOINTS}
         bounded = {
             key: [each if np.isfinite(each) else None for each in values.tolist()] for key, values in limits.items()
         }

@@ -9,10 +9,10 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from metaid.errors import PlantError, unknown
+from metaid.errors import PlantError
 from metaid.files import Settings, check, read_toml
 from metaid.models import Array
-from metaid.plant import ArmPlant, MujocoPlant
+from metaid.plant import ArmPlant, MujocoPlant, by_joint
 
 MARGIN = 0.05  # of a joint's range that stays free at each end
 SWING, SLIDE = 1.5, 0.5  # rad, m: to either side of where a joint without limits is at home
@@ -54,14 +54,12 @@ class Limits:
 
 def usual_limits(plant: ArmPlant | MujocoPlant) -> Limits:
     """What a robot's own file says, and where it says nothing what is usual. A chain hangs at rest."""
-    n = plant.njoint
+    tree, n = plant.tree, plant.njoint
     if isinstance(plant, MujocoPlant):
-        home = np.where(np.arange(n) == 0, np.pi, 0.0)
-        slides, low, high = np.zeros(n, dtype=np.bool_), np.full(n, -np.inf), np.full(n, np.inf)
-        torque = plant.settings.faults.torque_limits(n)
+        home, torque = np.where(np.arange(n) == 0, np.pi, 0.0), plant.settings.faults.torque_limits(n)
     else:
-        tree = plant.tree
-        home, slides, low, high, torque = plant.home, tree.slides, tree.low, tree.high, tree.torque_limit
+        home, torque = plant.home, tree.torque_limit
+    slides, low, high = tree.slides, tree.low, tree.high
     beyond = np.where(slides, SLIDE, SWING)
     bounded = np.isfinite(low) & np.isfinite(high)
     margin = np.where(bounded, MARGIN * np.where(bounded, high - low, 0.0), 0.0)
@@ -86,10 +84,7 @@ def read_limits(path: Path, plant: ArmPlant | MujocoPlant) -> Limits:
             return own
         if not isinstance(given, dict):
             return np.full(len(names), float(given))
-        for name in given:
-            if name not in names:
-                raise PlantError(f"{path}: {key}: {unknown('joint', name, names)}")
-        return np.array([given.get(name, value) for name, value in zip(names, own.tolist(), strict=True)])
+        return by_joint(f"{path}: {key}", given, names, own)
 
     of_joints = {key: each(key, getattr(usual, key)) for key in OF_JOINTS}
     limits = Limits(**of_joints, floor=settings.floor)

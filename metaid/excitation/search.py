@@ -68,18 +68,13 @@ class Criterion:
         """On the scaled unknowns (nparam x nparam), the prior included; `rows` is the regressor along the series
         where it is there already.
         """
-        rows = regressor_along(self.model, series, SAMPLES) if rows is None else rows
+        rows = self.model.regressor(*series.over(SAMPLES)) if rows is None else rows
         flat = (rows * self.scales / self.noise[:, None]).reshape(-1, len(self.scales))
         return np.asarray(self.readings / SAMPLES * flat.T @ flat + np.eye(len(self.scales)), dtype=np.float64)
 
     def value(self, series: Series, before: Array | float = 0.0, rows: Array | None = None) -> float:
         """Of a series, with the information (nparam x nparam) that there is `before`; `rows` as above."""
         return float(np.linalg.slogdet(self.information(series, rows) + before)[1])
-
-
-def regressor_along(model: LinearModel, series: Series, count: int) -> Array:
-    """The torque for a unit of each unknown at so many times of a period (count x njoint x nparam)."""
-    return model.regressor(*series.over(count))
 
 
 @dataclass(frozen=True)
@@ -134,7 +129,7 @@ class MotionSearch:
         they cannot.
         """
         for _ in range(TIMES):
-            rows = regressor_along(self.model, series, SAMPLES)
+            rows = self.model.regressor(*series.over(SAMPLES))
             over = np.abs(rows @ self.nominal).max(axis=0) / self.limits.torque
             if (over < WITHIN).all():
                 return series, rows

@@ -2,15 +2,37 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Annotated, ClassVar
 
+import numpy as np
 from pydantic import Field, model_validator
 
+from metaid.errors import PlantError, unknown
 from metaid.files import Settings
+from metaid.models import Array
 from metaid.plant.faults import FaultSettings
 
 Value = Annotated[float, Field(ge=-1e6, le=1e6)]
 AtLeastZero = Annotated[float, Field(ge=0, le=1e6)]
+
+
+def by_joint(what: str, given: Mapping[str, float], names: Sequence[str], usual: Array) -> Array:
+    """One number a joint (njoint): that which is `given` by its name, or else the `usual` one.
+
+    Args:
+        what: is given, for a message.
+        given: by name.
+        names: of the joints (njoint).
+        usual: of each joint (njoint).
+
+    Raises:
+        PlantError: there is no joint of that name.
+    """
+    for name in given:
+        if name not in names:
+            raise PlantError(f"{what}: {unknown('joint', name, names)}")
+    return np.array([given.get(name, value) for name, value in zip(names, usual, strict=True)])
 
 
 class ArmSettings(Settings):

@@ -42,23 +42,19 @@ def load_plant(name: str | Path | Mapping[str, Any], joints: Sequence[str] | Non
         path = find_file("plants", str(name), PlantError)
         settings = read_any_plant(path)
     settings = with_joints(settings, joints, path)
-    if isinstance(settings, PlantSettings):
-        return _chain(path, settings)
-    if isinstance(settings, SocketSettings):
-        raise PlantError(f"{path}: {settings.why_no_chain}")
-    arm = ArmPlant(path.stem, settings)
-    _ = arm.model  # so that one that cannot be built is refused here
-    return arm
+    plant: MujocoPlant | ArmPlant
+    if isinstance(settings, ArmSettings):
+        plant = ArmPlant(path.stem, settings)
+    else:
+        plant = MujocoPlant(path.stem, _of_chain(path, settings))
+    _ = plant.model  # so that one that cannot be built is refused here
+    return plant
 
 
 def load_chain(name: str | Path) -> MujocoPlant:
     """The same, of planar chains alone.  Raises PlantError."""
     path = find_file("plants", str(name), PlantError)
-    return _chain(path, read_any_plant(path))
-
-
-def _chain(path: Path, settings: AnySettings) -> MujocoPlant:
-    plant = MujocoPlant(path.stem, _of_chain(path, settings))
+    plant = MujocoPlant(path.stem, read_plant(path))
     _ = plant.model
     return plant
 

@@ -11,7 +11,7 @@ from numba.extending import overload
 
 from metaid.compiled.decorator import compiled
 from metaid.compiled.sensed_loop import SensedLoop, command, follow
-from metaid.compiled.spatial.dynamics import Frames, Space, fill_law, frames_of, kinetic_squares, new_space
+from metaid.compiled.spatial.dynamics import Frames, Space, accelerating_torques, frames_of, kinetic_squares, new_space
 from metaid.compiled.stages import Step
 from metaid.compiled.undocumented import class_of
 from metaid.episode import Episode, Spatial
@@ -115,8 +115,10 @@ def _follow_of(law, push, step, positions, speeds):  # type: ignore[no-untyped-d
 
 @compiled
 def _command(law, push, position, speed, torque):  # type: ignore[no-untyped-def]
-    own = law.starts[push], law.springs[push], position, speed
-    fill_law(law.frames, law.parameters, *own, law.pull, law.space, torque)
+    start, stiffness, pull = law.starts[push], law.springs[push], law.pull
+    for i in range(pull.shape[0]):
+        pull[i] = -stiffness * (position[i] - start[0, i])  # Eq. 56
+    accelerating_torques(law.frames, law.parameters, position, speed, pull, law.space, torque)
 
 
 @compiled

@@ -174,26 +174,6 @@ def accelerating_torques(frames, parameters, qpos, qvel, qacc, space, torque):  
 
 
 @compiled
-def fill_law(frames, law, start, stiffness, position, speed, pull, space, torque):  # type: ignore[no-untyped-def]
-    """Works out what a law asks for and its torque.  Eq. 56.
-
-    Args:
-        frames: of the arm.
-        law: parameters (njoint x 13).
-        start: joint coordinates and speeds at the start (2 x njoint).
-        stiffness: k, in 1/s².
-        position: joint coordinates (njoint) that it acts on.
-        speed: joint speeds (njoint) that it acts on.
-        pull: the joint accelerations that it asks for (njoint), filled in.
-        space: how the links move, filled in.
-        torque: of the joints (njoint), filled in.
-    """
-    for i in range(pull.shape[0]):
-        pull[i] = -stiffness * (position[i] - start[0, i])
-    accelerating_torques(frames, law, position, speed, pull, space, torque)
-
-
-@compiled
 def kinetic_squares(frames, parameters, space, one, other):  # type: ignore[no-untyped-def]
     """vᵀ M v for two vectors of joint speeds v where the links are: twice their kinetic energies, rotors included.
 

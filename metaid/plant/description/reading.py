@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from metaid.errors import PlantError, unknown, usable_mujoco
+from metaid.errors import PlantError, usable_mujoco
 from metaid.models import Array
 from metaid.models.tree import Tree
-from metaid.plant.arm_settings import ArmSettings
+from metaid.plant.arm_settings import ArmSettings, by_joint
 from metaid.plant.description.compiling import compile_file, gathered_warnings
 from metaid.plant.description.fusing import Whole, fuse, joint_name
 from metaid.plant.description.refusing import moving_joints, refuse_what_is_no_arm
@@ -62,29 +61,20 @@ def read_arm(settings: ArmSettings, source: str) -> Arm:
             f"{named}: nothing that joint '{tree.names[-1]}' moves weighs anything (allowed: a link with an <inertial>)"
         )
     refuse_another_motion(named, whole, tree, settings.timestep)
-    for key in ("rotor", "damping", "frictionloss", "torque_limit", "stiffness", "slack"):
-        _known(source, key, getattr(settings, key), tree.names)
-    tree = replace(
+
+    def instead(key: str, values: Array) -> Array:
+        return by_joint(f"{source}: {key}", getattr(settings, key), tree.names, values)
+
+    settled = replace(
         tree,
         gravity=tree.gravity if settings.gravity is None else np.array(settings.gravity),
-        rotor=_instead(tree.rotor, settings.rotor, tree.names),
-        damping=_instead(tree.damping, settings.damping, tree.names),
-        coulomb=_instead(tree.coulomb, settings.frictionloss, tree.names),
-        torque_limit=_instead(tree.torque_limit, settings.torque_limit, tree.names),
+        rotor=instead("rotor", tree.rotor),
+        damping=instead("damping", tree.damping),
+        coulomb=instead("frictionloss", tree.coulomb),
+        torque_limit=instead("torque_limit", tree.torque_limit),
     )
-    given = zip(whole.springs, (settings.stiffness, settings.slack), strict=True)
-    stiffness, slack = (_instead(values, named, tree.names) for values, named in given)
-    return Arm(tree, whole, whole.pose[whole.addresses], stiffness, slack, tuple(whole.couples.values()), repairs)
-
-
-def _known(source: str, key: str, given: Mapping[str, float], names: tuple[str, ...]) -> None:
-    for name in given:
-        if name not in names:
-            raise PlantError(f"{source}: {key}: {unknown('joint', name, names)}")
-
-
-def _instead(values: Array, given: Mapping[str, float], names: tuple[str, ...]) -> Array:
-    return np.array([given.get(name, value) for name, value in zip(names, values, strict=True)])
+    stiffness, slack = map(instead, ("stiffness", "slack"), whole.springs)
+    return Arm(settled, whole, whole.pose[whole.addresses], stiffness, slack, tuple(whole.couples.values()), repairs)
 
 
 def _pose(model: mujoco.MjModel, settings: ArmSettings, source: str) -> Array:
@@ -93,17 +83,15 @@ def _pose(model: mujoco.MjModel, settings: ArmSettings, source: str) -> Array:
     """
     kinds = model.jnt_type
     single = np.flatnonzero((kinds == mujoco.mjtJoint.mjJNT_HINGE) | (kinds == mujoco.mjtJoint.mjJNT_SLIDE))
-    names = {joint_name(model, int(joint)): int(joint) for joint in single}
-    _known(source, "home", settings.home, tuple(names))
+    names = [joint_name(model, joint) for joint in single.tolist()]
     keys = [key for key in range(model.nkey) if model.key(key).name == "home"]
     pose: Array = model.key_qpos[keys[0]].copy() if keys else model.qpos0.copy()
-    for name, joint in names.items():
-        address, limited = model.jnt_qposadr[joint], model.jnt_limited[joint]
-        low, high = model.jnt_range[joint] if limited else (-np.inf, np.inf)
-        given = settings.home.get(name)
-        if given is not None and not low <= given <= high:
-            raise PlantError(f"{source}: home: {name}: {given:g} is beyond its range (allowed: {low:g} to {high:g})")
-        pose[address] = np.clip(pose[address], low, high) if given is None else given
+    limited, addresses = model.jnt_limited[single, None] > 0, model.jnt_qposadr[single]
+    low, high = np.where(limited, model.jnt_range[single], [-np.inf, np.inf]).T
+    pose[addresses] = home = by_joint(f"{source}: home", settings.home, names, np.clip(pose[addresses], low, high))
+    for name, given, least, most in zip(names, home, low, high, strict=True):
+        if not least <= given <= most:
+            raise PlantError(f"{source}: home: {name}: {given:g} is beyond its range (allowed: {least:g} to {most:g})")
     return pose
 
 
