@@ -39,6 +39,11 @@ def default_storage() -> str:
     return os.environ.get("METAID_STORAGE") or DEFAULT_STORAGE
 
 
+def _opened(storage: str | None, create: bool = False) -> closing[Store]:
+    """The DB, closed afterwards."""
+    return closing(Store(storage or default_storage(), create))
+
+
 def run(
     study: str | Path | StudySpec,
     name: str | None = None,
@@ -84,7 +89,7 @@ def run(
         2  gravity_3   0.1350       0.091  0.091  0.091
     """
     spec = spec_of(study)
-    with closing(Store(storage or default_storage(), create=start_from is None)) as store:
+    with _opened(storage, create=start_from is None) as store:
         if start_from is not None:
             spec = started_from(store, spec, start_from)
         name = ensure_study(store, spec, name)
@@ -142,7 +147,7 @@ def trials(name: str, storage: str | None = None) -> pd.DataFrame:
         1       1  COMPLETE
         2       2  COMPLETE
     """
-    with closing(Store(storage or default_storage())) as store:
+    with _opened(storage) as store:
         return results.trials_frame(store, name)
 
 
@@ -154,7 +159,7 @@ def lumps(name: str, storage: str | None = None) -> pd.DataFrame:
         >>> bool(metaid.lumps("three-link-oscillation").error.abs().max() < 0.001)
         True
     """
-    with closing(Store(storage or default_storage())) as store:
+    with _opened(storage) as store:
         return results.lumps_frame(store, name)
 
 
@@ -173,7 +178,7 @@ class Study:
         """
         if not isinstance(self.name, str):
             return results.estimate_frame(results.snapshot_of(self.name))
-        with closing(Store(self.storage or default_storage())) as store:
+        with _opened(self.storage) as store:
             return results.estimate_frame(read_snapshot(store, self.name))
 
 
@@ -199,7 +204,7 @@ def bodies(name: str, storage: str | None = None) -> pd.DataFrame:
         1  mass_2   kg     0.65  0.60  1.53     True   0.9
         2  mass_3   kg     0.90  0.43  1.08     True   0.7
     """
-    with closing(Store(storage or default_storage())) as store:
+    with _opened(storage) as store:
         return results.bodies_table(read_snapshot(store, name))
 
 
@@ -211,7 +216,7 @@ def studies(storage: str | None = None) -> pd.DataFrame:
                              name       plant       sampler
         0  three-link-oscillation  three-link  output-error
     """
-    with closing(Store(storage or default_storage())) as store:
+    with _opened(storage) as store:
         return results.studies_frame(store)
 
 
@@ -222,7 +227,7 @@ def summary(name: str, storage: str | None = None) -> dict[str, Any]:
         >>> metaid.summary("three-link-oscillation")["verdict"]
         'found'
     """
-    with closing(Store(storage or default_storage())) as store:
+    with _opened(storage) as store:
         return results.summary(store, name)
 
 
@@ -238,7 +243,7 @@ def compare(*names: str, storage: str | None = None) -> Comparison:
         0  three-link-oscillation       3     18.0
         1                   again       3     18.0
     """
-    with closing(Store(storage or default_storage())) as store:
+    with _opened(storage) as store:
         return results.compare(store, names)
 
 
@@ -260,7 +265,7 @@ def validate(name: str, storage: str | None = None, pushes: int = PUSHES, seed: 
         >>> metaid.validate("three-link-oscillation", pushes=1)
         <Validation on three-link: pushes=1, nominal, identified, true>
     """
-    with closing(Store(storage or default_storage())) as store:
+    with _opened(storage) as store:
         return results.validate(read_snapshot(store, name), pushes, seed)
 
 
@@ -285,7 +290,7 @@ def model(name: str, storage: str | None = None, even_if_not_found: bool = False
         (1000, 3, 3)
         >>> model.write("three-link.xml")
     """
-    with closing(Store(storage or default_storage())) as store:
+    with _opened(storage) as store:
         return identified_model(read_snapshot(store, name), even_if_not_found)
 
 
@@ -296,5 +301,5 @@ def load_findings(name: str, storage: str | None = None) -> Findings:
         >>> metaid.load_findings("three-link-oscillation")
         <Findings of three-link-oscillation: trials=3, found>
     """
-    with closing(Store(storage or default_storage())) as store:
+    with _opened(storage) as store:
         return read_findings(store, name)

@@ -45,7 +45,7 @@ class Dynamics:
 
 
 def chain_dynamics(
-    lumps: Lumps, gravity: float, nominal: Chain, known: NDArray[np.bool_], rotor: Array | None = None
+    lumps: Lumps, gravity: float, nominal: Chain, known: NDArray[np.bool_], rotor: Array | float = 0.0
 ) -> Dynamics:
     """That of a planar chain.
 
@@ -54,7 +54,7 @@ def chain_dynamics(
         gravity: in m/s².
         nominal: the chain whose bodies those of the result are to be close to.
         known: which of the gravity, Coriolis and inertia lumps (nlump) are identified.
-        rotor: the reflected inertia of what turns with each joint (njoint), in kg m²; None for none.
+        rotor: the reflected inertia of what turns with each joint (njoint), in kg m².
     """
     kinds = ("gravity", "coriolis") if lumps.inertia is None else ("gravity", "coriolis", "inertia")
     lumps = replace(lumps, searched=kinds)
@@ -75,9 +75,9 @@ def chain_dynamics(
         for i, value in enumerate(lumps.of(kind).tolist())
         if value < 0.0
     ]
-    tree = None if found.chain is None else planar_tree(found.chain, gravity)
-    if tree is not None and rotor is not None:
-        tree = replace(tree, rotor=rotor)
+    tree = None
+    if found.chain is not None:
+        tree = replace(planar_tree(found.chain, gravity), rotor=np.full(lumps.nlink, rotor))
     return Dynamics(ChainLaw(lumps, gravity, rotor=rotor), tree, found.chain, tuple(notes), is_chain=True)
 
 

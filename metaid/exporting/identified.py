@@ -150,13 +150,14 @@ class IdentifiedModel:
         """What a file with that `suffix` cannot hold, in sentences without a full stop."""
         said = [self.dynamics.besides] if self.dynamics.besides else []
         said += self.dynamics.notes if suffix in _BODIES else ()
-        if suffix == ".toml" and self.dynamics.tree is not None and self.dynamics.tree.rotor.any():
+        tree = self.dynamics.tree
+        if tree is None:
+            return said
+        if suffix == ".toml" and tree.rotor.any():
             said.append("rotors are not in a plant file")
-        if suffix == ".urdf" and self.dynamics.tree is not None:
-            said += not_in_urdf(self.dynamics.tree, self.dynamics.couples)
-        if suffix in (".urdf", ".toml") and self.dynamics.tree is not None:
-            said += without_springs(self.dynamics.tree, self.dynamics.springs)
-        return said
+        if suffix == ".urdf":
+            said += not_in_urdf(tree, self.dynamics.couples)
+        return said + without_springs(tree, self.dynamics.springs if suffix in (".urdf", ".toml") else ())
 
     def write(self, path: str | Path) -> None:
         """Writes a file: its ending says which of SUFFIXES.  Raises StudyError where there is no such file of it."""

@@ -50,10 +50,10 @@ class _Written(ABC):
 @dataclass(frozen=True)
 class ChainLaw(_Written, ChainModel):
     """The law of a chain's lumps.  Eqs. 5, 6 and 12.  `rotor` (njoint), in kg m²: the reflected inertia of what turns
-    with a joint, and not with a link; None for none.
+    with a joint, and not with a link.
     """
 
-    rotor: Array | None = None
+    rotor: Array | float = 0.0
 
     kind: ClassVar[str] = "chain"
 
@@ -64,8 +64,7 @@ class ChainLaw(_Written, ChainModel):
 
     def mass_matrix(self, angles: Array) -> Array:
         """In joint coordinates (... x njoint x njoint), in kg m², at joint `angles` (... x njoint)."""
-        links = super().mass_matrix(angles)
-        return links if self.rotor is None else links + np.diag(self.rotor)
+        return super().mass_matrix(angles) + self.rotor * np.eye(self.njoint)
 
     @property
     def has_inertia(self) -> bool:
@@ -74,12 +73,11 @@ class ChainLaw(_Written, ChainModel):
 
     @property
     def _constants(self) -> Constants:
-        nothing = np.zeros(self.njoint)
         return {
             "gravity": self.gravity * self.lumps.gravity,
             "coriolis": self.lumps.coriolis,
-            "inertia": self.lumps.of("inertia") if self.has_inertia else nothing,
-            "rotor": nothing if self.rotor is None else self.rotor,
+            "inertia": self.lumps.of("inertia"),
+            "rotor": np.full(self.njoint, self.rotor, dtype=np.float64),
             **{kind: self.lumps.of(kind) for kind in FRICTION},
         }
 

@@ -91,11 +91,9 @@ def _dynamics(problem: Problem, values: dict[str, float], known: list[str], besi
         return np.array([beside.get(f"{kind}_{joint + 1}", 0.0) for joint in range(lumps.nlink)])
 
     damping, coulomb = (lumps.of(kind) + of_joints(fault) for kind, fault in OF_FRICTION.items())
-    rotor = of_joints("rotor") if any(name.startswith("rotor") for name in beside) else None
     is_known = np.isin(lumps.names, known)
-    found = chain_dynamics(
-        replace(lumps, damping=damping, coulomb=coulomb), problem.spec.gravity, nominal, is_known, rotor
-    )
+    lumps = replace(lumps, damping=damping, coulomb=coulomb)
+    found = chain_dynamics(lumps, problem.spec.gravity, nominal, is_known, of_joints("rotor"))
     return _noting(found, beside, ("rotor", *OF_FRICTION.values()))
 
 
