@@ -21,7 +21,6 @@ from metaid.compiled.spatial.vectors import (
     symmetric,
     times,
     triple,
-    triple_from,
 )
 from metaid.models import SLIDING, Array
 from metaid.models.tree import Tree
@@ -124,7 +123,7 @@ def move_links(frames, parameters, first, qvel, qacc, space):  # type: ignore[no
         put(space.spin_rate[i], spin_rate)
         put(space.rate[i], rate)
         own = parameters[i]
-        mass, inertia = triple_from(own, 1), (triple_from(own, 4), triple_from(own, 7))
+        mass, inertia = triple(own, 1), (triple(own, 4), triple(own, 7))
         put(space.force[i], plus(times(own[0], rate), plus(cross(spin_rate, mass), cross(spin, cross(spin, mass)))))
         turning = plus(symmetric(inertia, spin_rate), cross(spin, symmetric(inertia, spin)))
         put(space.moment[i], plus(turning, cross(mass, rate)))
@@ -206,7 +205,7 @@ def kinetic_squares(frames, parameters, space, one, other):  # type: ignore[no-u
 @compiled
 def _link_square(own, spin, speed):  # type: ignore[no-untyped-def]
     """Twice the kinetic energy of a link that turns, and whose origin moves."""
-    first, inertia = triple_from(own, 1), (triple_from(own, 4), triple_from(own, 7))
+    first, inertia = triple(own, 1), (triple(own, 4), triple(own, 7))
     moved = own[0] * dot(speed, speed) + 2.0 * dot(speed, cross(spin, first))
     return moved + dot(spin, symmetric(inertia, spin))
 
@@ -223,7 +222,7 @@ def fill_mass_matrix(frames, parameters, space):  # type: ignore[no-untyped-def]
             carried[i, j] = parameters[i, j]
     for i in range(n - 1, -1, -1):
         own, matrix, axis = carried[i], space.matrix[i], triple(frames.axis[i])
-        first, inertia = triple_from(own, 1), (triple_from(own, 4), triple_from(own, 7))
+        first, inertia = triple(own, 1), (triple(own, 4), triple(own, 7))
         if frames.is_slide[i] == 0.0:
             force, moment = cross(axis, first), symmetric(inertia, axis)
             matrix_of[i, i] = dot(axis, moment) + parameters[i, 10]
@@ -250,7 +249,7 @@ def _add_carried(own, first, inertia, matrix, place, below):  # type: ignore[no-
     below[2] += turned[1] + mass * place[1]
     below[3] += turned[2] + mass * place[2]
     # I + 2 p·h − p hᵀ − h pᵀ with h = s + m p/2: parallel axes
-    one, two, three = triple(matrix), triple_from(matrix, 3), triple_from(matrix, 6)
+    one, two, three = triple(matrix), triple(matrix, 3), triple(matrix, 6)
     row0, row1, row2 = symmetric(inertia, one), symmetric(inertia, two), symmetric(inertia, three)
     half = plus(turned, times(0.5 * mass, place))
     around = 2.0 * dot(place, half)

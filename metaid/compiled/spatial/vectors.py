@@ -8,13 +8,7 @@ from metaid.compiled.decorator import compiled
 
 
 @compiled
-def triple(row):  # type: ignore[no-untyped-def]
-    """The three numbers of a row of an array."""
-    return row[0], row[1], row[2]
-
-
-@compiled
-def triple_from(row, first):  # type: ignore[no-untyped-def]
+def triple(row, first=0):  # type: ignore[no-untyped-def]
     """Three numbers of a row of an array, from the `first` on: a slice would be cut to the row's length each time."""
     return row[first], row[first + 1], row[first + 2]
 
