@@ -135,9 +135,6 @@ class ArmPlant(SimulatedPlant):
         """
         return joint_torque(self.tree, angles, speeds, np.zeros_like(angles))
 
-    def true_angles(self, start: ArmStart) -> Array:
-        return start.pose - self.settings.faults.encoder_offsets(self.njoint)
-
     def start_speeds(self, start: ArmStart) -> Array:
         return start.speeds
 

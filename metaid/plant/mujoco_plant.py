@@ -91,9 +91,6 @@ class MujocoPlant(SimulatedPlant):
         """
         return compensation_torque(self.chain.lumps_of(self.chain.kinds), angles, speeds, self.gravity)
 
-    def true_angles(self, start: Start) -> Array:
-        return start.angles - self.settings.faults.encoder_offsets(self.njoint)
-
     def start_speeds(self, start: Start) -> Array:
         """Those just after the impulses."""
         return np.diff(speeds_after(self.chain, start.impulses, np.cumsum(self.true_angles(start))), prepend=0.0)

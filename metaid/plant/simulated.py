@@ -58,9 +58,10 @@ class SimulatedPlant(ABC):
         """What its file says of its moving links and cannot be, as sentences."""
         return ()
 
-    @abstractmethod
     def true_angles(self, start: Any) -> Array:
         """Joint coordinates (njoint), in rad or m, where encoders read those of `start`."""
+        angles: Array = start.pose - self.settings.faults.encoder_offsets(len(start.pose))
+        return angles
 
     @abstractmethod
     def start_speeds(self, start: Any) -> Array:

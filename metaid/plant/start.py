@@ -12,12 +12,12 @@ from metaid.models import Array
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """From where a push begins: the plant at rest at joint `angles` (njoint), in rad, whose link tips are struck with
-    horizontal `impulses` (njoint), in N s.
+    """From where a push begins: the plant at rest at a `pose`, its joint angles (njoint), in rad, whose link tips are
+    struck with horizontal `impulses` (njoint), in N s.
     """
 
     impulses: Array
-    angles: Array
+    pose: Array
 
     @classmethod
     def upright(cls, impulses: Array) -> Start:
@@ -33,14 +33,9 @@ class Start:
         """What a rig is asked for.  Raises PlantError where it is to begin elsewhere than upright: the protocol has no
         word for that.
         """
-        if not self.is_upright:
+        if self.pose.any():
             raise PlantError(
-                f"a push is to begin at joint angles {self.angles.tolist()} rad "
+                f"a push is to begin at joint angles {self.pose.tolist()} rad "
                 "(allowed: 0 rad for every joint; a rig is pushed from the upright)"
             )
         return {"impulses": self.impulses.tolist()}
-
-    @property
-    def is_upright(self) -> bool:
-        """Whether every joint begins at the upright."""
-        return not self.angles.any()

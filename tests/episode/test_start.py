@@ -32,7 +32,7 @@ def test_truth_coasts_from_any_pose(nlink: int) -> None:
     plant = random_plant(nlink)
     episode = posed_episode(plant)
     record, trajectory = run_stepwise(plant, plant.chain.lumps, episode)
-    assert trajectory.angles[0].tolist() == episode.starts[-1].angles.tolist()
+    assert trajectory.angles[0].tolist() == episode.starts[-1].pose.tolist()
     assert np.abs(trajectory.speeds - trajectory.speeds[0]).max() < 1e-8
     assert np.abs(trajectory.speeds).max() > 0.1
     record = CompiledLoop(plant, episode).run(plant.chain.lumps)
@@ -90,9 +90,7 @@ def test_motion_from_a_pose_is_that_of_equations_written_independently() -> None
     _, trajectory = run_stepwise(plant, candidate, episode)
     law = lambda q, v: compensation_torque(candidate, q, v, plant.gravity)  # noqa: E731
     speeds = np.cumsum(plant.start_speeds(episode.starts[0]))
-    expected = simulate(
-        plant.chain, plant.gravity, plant.timestep, 500, speeds, law, np.cumsum(episode.starts[0].angles)
-    )
+    expected = simulate(plant.chain, plant.gravity, plant.timestep, 500, speeds, law, np.cumsum(episode.starts[0].pose))
     assert np.abs(trajectory.angles - expected).max() < 1e-9
 
 
