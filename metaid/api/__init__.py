@@ -6,7 +6,6 @@ from metaid.api.stored import (
     bodies,
     check,
     compare,
-    default_storage,
     load_findings,
     lumps,
     model,

@@ -6,7 +6,7 @@ free of contacts; `forecast` records it of the nominal robot and estimates that 
 
 from metaid.excitation.exciting import Excitation, excite, problem_of
 from metaid.excitation.files import SUFFIXES, write_motion
-from metaid.excitation.forecast import LogForecast, LogNoise, recorded
-from metaid.excitation.limits import Limits, LimitsSettings, read_limits, usual_limits
-from metaid.excitation.search import Criterion, MotionSearch, Shape, best_of_random
+from metaid.excitation.forecast import LogNoise, recorded
+from metaid.excitation.limits import LimitsSettings
+from metaid.excitation.search import best_of_random
 from metaid.excitation.series import Series, Trajectory, rest_to_rest

@@ -7,5 +7,5 @@ again and says what torques it predicts.
 from metaid.exporting.dynamics import Dynamics, arm_dynamics, chain_dynamics
 from metaid.exporting.identified import SUFFIXES, IdentifiedModel
 from metaid.exporting.laws import ArmLaw
-from metaid.exporting.reading_back import FileTorques, file_torques
+from metaid.exporting.reading_back import file_torques
 from metaid.exporting.xml_files import couples_of, mjcf, not_in_urdf, not_in_xml, springs_of, urdf

@@ -8,7 +8,6 @@ and depends on some combinations alone, the `BaseParameters`. An `ArmPrior` says
 from metaid.models.tree.arm_prior import ArmPrior, PriorDeviations
 from metaid.models.tree.base import BaseParameters, base_parameters, random_states, seen_by_bias
 from metaid.models.tree.bodies import (
-    PossibleBodies,
     nearest_possible,
     nominal_pseudo_inertias,
     possible_bodies,
@@ -16,7 +15,7 @@ from metaid.models.tree.bodies import (
 )
 from metaid.models.tree.dynamics import Dynamics, arm_dynamics, joint_mass_matrix
 from metaid.models.tree.joint_friction import COLUMNS, SHARED, JointFriction, Sliding, Spring, friction_torque
-from metaid.models.tree.known_bodies import KnownBodies, body_quantities, known_bodies
+from metaid.models.tree.known_bodies import body_quantities, known_bodies
 from metaid.models.tree.misplaced import MISPLACED, last_link_turned, misplaced
 from metaid.models.tree.model_error import ModelError, difference, model_error, torque_half_width, torque_rows
 from metaid.models.tree.planar import is_pendulum, planar_chain, planar_tree, turning

@@ -6,6 +6,6 @@ loaded with this package.
 """
 
 from metaid.plant.description.reading import Arm, read_arm
-from metaid.plant.description.shapes import Surface, rod, surfaces
+from metaid.plant.description.shapes import rod, surfaces
 from metaid.plant.description.starts import CLEARANCE, Clearance, draw_free_starts, draw_starts
 from metaid.plant.lean import arm_model, build_arm_spec, build_spec, set_parameters
