@@ -1,6 +1,6 @@
 """The compensation law of an identified model as source text, in Python and in C, that needs nothing but a sine.
 
-Both are the equations of docs/method.md written once more: 5, 6 and 15 for a chain, 36 to 38 for an arm. What is 0 of
+Both are the equations of docs/method.md written once more: 5, 6 and 12 for a chain, 49 to 51 for an arm. What is 0 of
 an arm's friction is left out. The texts are templates beside this module, which constants of a model fill in.
 """
 
