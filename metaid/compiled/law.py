@@ -1,4 +1,4 @@
-"""The compensation law and the fall rule as the compiled loops apply them (`models.compensation_torque` is the
+"""The compensation law and the fall rule as the compiled loops apply them (`models.ChainModel.torque` is the
 reference), and what they keep of a link meanwhile.
 """
 

@@ -10,7 +10,7 @@ from metaid.compiled.spatial import commanded_arm_torques
 from metaid.episode import Episode
 from metaid.estimation.base_unknowns import ArmEstimate, BaseUnknowns
 from metaid.estimation.log_unknowns import Estimate
-from metaid.models import Array, Lumps, compensation_torque
+from metaid.models import Array, ChainModel, Lumps
 
 OVER_COMPENSATED = 1.5  # factor of the gravity lumps in the first law, of those that the search starts from
 PROBED = 1.6, 2.6  # factors of the gravity lumps in a probe, drawn at random
@@ -48,7 +48,7 @@ class ChainLaws:
         """The joint torques (npush x nstep x njoint), in N m, that a `law` makes of what it acted on: joint coordinates
         and speeds (npush x nstep + 1 x njoint each). None follows from the last.
         """
-        return compensation_torque(law, angles[:, :-1], speeds[:, :-1], self.gravity)
+        return ChainModel(law, self.gravity).torque(angles[:, :-1], speeds[:, :-1])
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ from metaid.models.chain_of_lumps import chain_of_lumps
 from metaid.models.closest_bodies import Matrices
 from metaid.models.intervals import COARSEST, DEVIATIONS, deviations_at_once, half_width
 from metaid.models.known_lumps import KnownLumps, known_lumps
-from metaid.models.law import SLIDING, compensation_basis, compensation_torque, mass_matrix
+from metaid.models.law import SLIDING, ChainModel, Trajectory, compensation_basis, mass_matrix
 from metaid.models.lumps import (
     FRICTION,
     IDEAL,
@@ -24,7 +24,6 @@ from metaid.models.lumps import (
     lump_names,
     lump_unit,
 )
-from metaid.models.model import ChainModel, Trajectory
 from metaid.models.nearest_bodies import Nearest
 from metaid.models.possible import (
     least_inertia,

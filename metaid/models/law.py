@@ -1,4 +1,4 @@
-"""The law that compensates with a candidate's lumps, and the mass matrix that they make.
+"""The law that compensates with a candidate's lumps, and the dynamics of the planar chain that has them.
 
 Absolute angles φ_i are measured from the upright, joint angles are q_i = φ_i − φ_{i−1}. Equation numbers are those of
 docs/method.md.
@@ -7,6 +7,8 @@ docs/method.md.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -73,31 +75,6 @@ def sliding(joint_speeds: Array) -> Array:
     return np.clip(joint_speeds / SLIDING, -1.0, 1.0)
 
 
-def compensation_torque(
-    lumps: Lumps, joint_angles: Array, joint_speeds: Array, gravity: float, stiffness: float = 0.0
-) -> Array:
-    """The joint torque (... x nlink), in N m, that would leave the plant nothing but q̈ = −k q if it had these lumps.
-
-    Eqs. 5, 6, 12 and 13. It is Eq. 11 of the paper with u = −k q, so with u = 0 where the stiffness k is 0.
-
-    Args:
-        lumps: of the law.
-        joint_angles: of the plant (... x nlink), in rad.
-        joint_speeds: of the plant (... x nlink), in rad/s.
-        gravity: in m/s².
-        stiffness: k, in 1/s².
-    """
-    angles, speeds = running_sum(joint_angles), running_sum(joint_speeds)
-    sine = np.sin(angles[..., :, None] - angles[..., None, :])
-    force = _product(lumps.coriolis * sine, speeds**2) - gravity * lumps.gravity * np.sin(angles)  # Eq. 5
-    if stiffness:
-        force -= stiffness * _product(mass_matrix(lumps, angles), angles)  # Eq. 13
-    torque = running_sum(force[..., ::-1])[..., ::-1]  # Eq. 6
-    if lumps.damping is not None:  # Eq. 12
-        torque = torque + lumps.damping * joint_speeds
-    return torque if lumps.coulomb is None else torque + lumps.coulomb * sliding(joint_speeds)
-
-
 def running_sum(values: Array, axis: int = -1) -> Array:
     """That of numpy along a short axis, to the bit, in a fifth of its time where there are many of them."""
     total = np.array(values)
@@ -111,3 +88,65 @@ def _product(matrix: Array, vector: Array) -> Array:
     """Of matrices (... x n x n) and vectors (... x n)."""
     product: Array = (matrix @ vector[..., None])[..., 0]
     return product
+
+
+class Trajectory(NamedTuple):
+    """Joint `angles` in rad, `speeds` in rad/s and `accelerations` in rad/s² over time, each (nstep x njoint); of
+    slides in m.
+    """
+
+    angles: Array
+    speeds: Array
+    accelerations: Array
+
+
+@dataclass(frozen=True)
+class ChainModel:
+    """A planar chain by its `lumps`, in `gravity` (m/s²). With a `stiffness` k (1/s²) the torque leaves it q̈ = −k q.
+
+    Its parameters are the lumps that are searched. Angles and speeds are those of joints (... x njoint), in rad and
+    rad/s; torques (... x njoint) are in N m.
+    """
+
+    lumps: Lumps
+    gravity: float
+    stiffness: float = 0.0
+
+    @property
+    def parameters(self) -> Array:
+        return self.lumps.vector
+
+    def torque(self, angles: Array, speeds: Array) -> Array:
+        """What would leave the plant nothing but q̈ = −k q if it had these lumps.  Eqs. 5, 6, 12 and 13.
+
+        It is Eq. 11 of the paper with u = −k q, so with u = 0 where the stiffness k is 0.
+        """
+        lumps, links, rates = self.lumps, running_sum(angles), running_sum(speeds)
+        sine = np.sin(links[..., :, None] - links[..., None, :])
+        force = _product(lumps.coriolis * sine, rates**2) - self.gravity * lumps.gravity * np.sin(links)  # Eq. 5
+        if self.stiffness:
+            force -= self.stiffness * _product(mass_matrix(lumps, links), links)  # Eq. 13
+        torque = running_sum(force[..., ::-1])[..., ::-1]  # Eq. 6
+        if lumps.damping is not None:  # Eq. 12
+            torque = torque + lumps.damping * speeds
+        return torque if lumps.coulomb is None else torque + lumps.coulomb * sliding(speeds)
+
+    def regressor(self, angles: Array, speeds: Array, accelerations: Array | None = None) -> Array:
+        """Eqs. 4 to 6, 12 and 13, a column for each lump, of the torque that gives the joints these `accelerations`
+        (... x njoint), in rad/s²; by default those of the stiffness.
+        """
+        given = accelerations if accelerations is not None else -self.stiffness * angles if self.stiffness else None
+        wanted = None if given is None else running_sum(given)
+        basis = compensation_basis(running_sum(angles), running_sum(speeds), self.gravity, self.lumps.searched, wanted)
+        return running_sum(basis[..., ::-1, :], axis=-2)[..., ::-1, :]  # Eq. 6
+
+    def mass_matrix(self, angles: Array) -> Array:
+        """Eq. 4 in joint coordinates; it needs the inertia lumps."""
+        absolute = mass_matrix(self.lumps, running_sum(angles))
+        carried = running_sum(running_sum(absolute[..., ::-1, ::-1]), axis=-2)
+        return carried[..., ::-1, ::-1]  # absolute angles are sums of joint angles
+
+    def inverse_dynamics(self, angles: Array, speeds: Array, accelerations: Array) -> Array:
+        """The joint torque (... x njoint) that gives the joints these accelerations (... x njoint), in N m."""
+        gained = np.einsum("...ij,...j->...i", self.mass_matrix(angles), accelerations)
+        return np.asarray(self.torque(angles, speeds) + gained, dtype=np.float64)

@@ -13,8 +13,8 @@ from metaid.models import (
     FRICTION,
     IDEAL,
     Array,
+    ChainModel,
     Lumps,
-    compensation_torque,
     question_of_units,
     refuse_impossible,
     refuse_too_long_a_step,
@@ -89,7 +89,7 @@ class MujocoPlant(SimulatedPlant):
         """The joint torques (... x njoint), in N m, that compensate gravity, Coriolis forces and friction at joint
         `angles`, in rad, and `speeds`, in rad/s (... x njoint each).
         """
-        return compensation_torque(self.chain.lumps_of(self.chain.kinds), angles, speeds, self.gravity)
+        return ChainModel(self.chain.lumps_of(self.chain.kinds), self.gravity).torque(angles, speeds)
 
     def start_speeds(self, start: Start) -> Array:
         """Those just after the impulses."""

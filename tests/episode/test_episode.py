@@ -11,7 +11,7 @@ from metaid.compiled import CompiledLoop, Objective
 from metaid.episode import Episode, FallRule, crossing_hz, pushed_speeds, rich_pushes, run_stepwise, tip_push
 from metaid.episode.record import crossings
 from metaid.errors import EpisodeError
-from metaid.models import compensation_torque, factors_from_names
+from metaid.models import ChainModel, factors_from_names
 from metaid.plant import LinkSettings, MujocoPlant, PlantSettings
 
 ALL_SIZES = pytest.mark.parametrize("nlink", [1, 2, 3, 5, 10])
@@ -46,7 +46,7 @@ def test_mujoco_agrees_with_equations_of_motion_written_independently(nlink: int
     candidate = plant.chain.lumps.scaled(np.full(nlink * (nlink + 1) // 2, factor))
     pushes = tip_push(plant, 0.05)
     _, trajectory = run_stepwise(plant, candidate, Episode(pushes, 2000, fall_rule=FallRule(1e9)))
-    law = lambda q, v: compensation_torque(candidate, q, v, plant.gravity)  # noqa: E731
+    law = lambda q, v: ChainModel(candidate, plant.gravity).torque(q, v)  # noqa: E731
     expected = simulate(plant.chain, plant.gravity, plant.timestep, 2000, pushed_speeds(plant, pushes)[0], law)
     difference = np.abs(trajectory.angles - expected)
     assert (difference / np.maximum(1.0, np.abs(expected))).max() < 1e-9

@@ -13,7 +13,7 @@ from rig import rig_at
 from metaid.compiled import CompiledLoop, FaultyLoop, Objective, agrees_with_stepwise, fastest_step
 from metaid.episode import Episode, FallRule, rich_pushes, run_stepwise, same_record, spectral_hz, window_ends
 from metaid.errors import EpisodeError, PlantError
-from metaid.models import compensation_torque
+from metaid.models import ChainModel
 from metaid.plant import MujocoPlant, Start
 
 ALL_SIZES = pytest.mark.parametrize("nlink", [1, 2, 3, 5])
@@ -88,7 +88,7 @@ def test_motion_from_a_pose_is_that_of_equations_written_independently() -> None
     plant = random_plant(2)
     candidate, episode = plant.chain.lumps.scaled(np.full(3, 1.2)), posed_episode(plant, 1, 500)
     _, trajectory = run_stepwise(plant, candidate, episode)
-    law = lambda q, v: compensation_torque(candidate, q, v, plant.gravity)  # noqa: E731
+    law = lambda q, v: ChainModel(candidate, plant.gravity).torque(q, v)  # noqa: E731
     speeds = np.cumsum(plant.start_speeds(episode.starts[0]))
     expected = simulate(plant.chain, plant.gravity, plant.timestep, 500, speeds, law, np.cumsum(episode.starts[0].pose))
     assert np.abs(trajectory.angles - expected).max() < 1e-9

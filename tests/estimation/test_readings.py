@@ -10,7 +10,7 @@ from watched import GRAVITY, NOISE, TIMESTEP, raised, watched
 
 from metaid.estimation import ChainLaws, LogUnknowns, Readings, fit
 from metaid.estimation.noisy.polynomials import eliminate
-from metaid.models import compensation_torque
+from metaid.models import ChainModel
 from metaid.plant import FaultSettings
 
 NOISY = FaultSettings(angle_noise=NOISE, speed_sensor=False)
@@ -23,7 +23,7 @@ def test_commanded_torques_are_those_of_the_law_on_its_readings() -> None:
     law = raised(seen.nominal.lumps, 1.5)
     readings, speeds = np.random.default_rng(0).normal(size=(2, 2, 4, 3))
     torques = ChainLaws(seen.nominal.lumps, GRAVITY).commanded(law, readings, speeds)
-    expected = compensation_torque(law, readings[1, 2], speeds[1, 2], GRAVITY)
+    expected = ChainModel(law, GRAVITY).torque(readings[1, 2], speeds[1, 2])
     assert torques.shape == (2, 3, 3)
     assert np.allclose(torques[1, 2], expected)
 

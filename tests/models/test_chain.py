@@ -8,7 +8,7 @@ import pytest
 from conftest import random_plant
 
 from metaid.errors import EpisodeError
-from metaid.models import UNITS, compensation_basis, compensation_torque, factors_from_names, lump_names, speeds_after
+from metaid.models import UNITS, ChainModel, compensation_basis, factors_from_names, lump_names, speeds_after
 
 ALL_SIZES = pytest.mark.parametrize("nlink", [1, 2, 3, 5, 10])
 
@@ -41,7 +41,7 @@ def test_compensation_with_true_lumps_is_the_bias_force_that_mujoco_computes(nli
         plant.data.qpos[:] = random.uniform(-3, 3, nlink)
         plant.data.qvel[:] = random.uniform(-5, 5, nlink)
         mujoco.mj_forward(plant.model, plant.data)
-        torque = compensation_torque(plant.chain.lumps, plant.data.qpos, plant.data.qvel, plant.gravity)
+        torque = ChainModel(plant.chain.lumps, plant.gravity).torque(plant.data.qpos, plant.data.qvel)
         assert torque == pytest.approx(plant.data.qfrc_bias, rel=1e-9, abs=1e-10)
 
 
@@ -51,7 +51,7 @@ def test_law_is_linear_in_the_lumps(nlink: int) -> None:
     plant, random = random_plant(nlink), np.random.default_rng(4)
     angles, speeds = random.uniform(-2, 2, nlink), random.uniform(-5, 5, nlink)
     force = compensation_basis(np.cumsum(angles), np.cumsum(speeds), 9.81) @ plant.chain.lumps.vector
-    assert np.cumsum(force[::-1])[::-1] == pytest.approx(compensation_torque(plant.chain.lumps, angles, speeds, 9.81))
+    assert np.cumsum(force[::-1])[::-1] == pytest.approx(ChainModel(plant.chain.lumps, 9.81).torque(angles, speeds))
 
 
 def test_factors_scale_the_lump_of_their_name_and_no_other() -> None:
@@ -99,5 +99,5 @@ def test_basis_times_lumps_is_the_compensation_torque(nlink: int, stiffness: flo
     lumps = lumps.with_parameters(random.uniform(-2.0, 2.0, len(names)))
     angles, speeds = random.uniform(-2.0, 2.0, nlink), random.uniform(-5.0, 5.0, nlink)
     basis = compensation_basis(np.cumsum(angles), np.cumsum(speeds), 9.81, kinds, -stiffness * np.cumsum(angles))
-    torque = compensation_torque(lumps, angles, speeds, 9.81, stiffness)
+    torque = ChainModel(lumps, 9.81, stiffness).torque(angles, speeds)
     assert np.cumsum((basis @ lumps.vector)[::-1])[::-1] == pytest.approx(torque)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from conftest import random_plant
 
-from metaid.models import FRICTION, IDEAL, ChainModel, Lumps, compensation_torque, mass_matrix
+from metaid.models import FRICTION, IDEAL, ChainModel, Lumps, mass_matrix
 
 G = 9.81
 
@@ -25,7 +25,7 @@ def test_torque_is_the_regressor_times_the_parameters(nlink: int) -> None:
     random = np.random.default_rng(1)
     for _ in range(20):
         angles, speeds = random.normal(size=(2, nlink))
-        torque = compensation_torque(lumps_with_everything(nlink), angles, speeds, G)
+        torque = ChainModel(lumps_with_everything(nlink), G).torque(angles, speeds)
         assert model.regressor(angles, speeds) @ model.parameters == pytest.approx(torque, rel=1e-12, abs=1e-12)
         assert model.torque(angles, speeds) == pytest.approx(torque, rel=1e-12, abs=1e-12)
 

@@ -15,7 +15,7 @@ from conftest import Finished, random_links
 from metaid.compiled import CompiledLoop
 from metaid.episode import Episode, FallRule, pushed_speeds, run_stepwise, tip_push
 from metaid.errors import PlantError
-from metaid.models import Lumps, compensation_torque
+from metaid.models import ChainModel, Lumps
 from metaid.plant import LinkSettings, MujocoPlant, PlantSettings, Start, load_plant
 
 STIFFNESS = np.array([0.3, 0.05])
@@ -46,7 +46,7 @@ def test_springs_and_over_compensation_are_what_they_say(faulty: MujocoPlant) ->
     received = Lumps(candidate.gravity + FAULT * faulty.chain.lumps.gravity, candidate.coriolis)
     pushes = tip_push(faulty, 0.1)
     _, trajectory = run_stepwise(faulty, candidate, Episode(pushes, 2000, FallRule(1e9)))
-    law = lambda q, v: compensation_torque(received, q, v, faulty.gravity) - STIFFNESS * q  # noqa: E731
+    law = lambda q, v: ChainModel(received, faulty.gravity).torque(q, v) - STIFFNESS * q  # noqa: E731
     expected = simulate(faulty.chain, faulty.gravity, faulty.timestep, 2000, pushed_speeds(faulty, pushes)[0], law)
     assert np.abs(trajectory.angles - expected).max() < 1e-9
 
@@ -127,9 +127,9 @@ def test_damped_chain_at_its_longest_timestep_comes_to_rest() -> None:
     """What the check lets through does not blow up."""
     plant = MujocoPlant("slow", PlantSettings(links=(link(damping=50.0), link(damping=20.0)), timestep=0.0028))
     plant.push(Start.upright(np.array([0.0, 0.5])))
-    weightless = compensation_torque(plant.chain.lumps, *plant.states(), plant.gravity)
+    weightless = ChainModel(plant.chain.lumps, plant.gravity).torque(*plant.states())
     for _ in range(5000):
         plant.apply_torque(weightless)
         plant.step()
-        weightless = compensation_torque(plant.chain.lumps, *plant.states(), plant.gravity)
+        weightless = ChainModel(plant.chain.lumps, plant.gravity).torque(*plant.states())
     assert np.abs(plant.states()[1]).max() < 1e-6

@@ -18,7 +18,7 @@ from places import ROOT
 from random_arm import wrong_tree
 from swinging import log_of, swinging_arm
 
-from metaid.models import DEVIATIONS, Array, compensation_torque
+from metaid.models import DEVIATIONS, Array, ChainModel
 from metaid.models.tree import Tree, joint_torque, planar_tree
 from metaid.plant import ArmPlant, Start, load_chain, load_plant
 from metaid.recorded import (
@@ -274,7 +274,7 @@ def test_law_stands_in_for_torques(metaid: Metaid) -> None:
         angles, speeds = rig.states()
         rows.append([step * rig.timestep, *angles, *speeds])
         lumps = sent.chain.lumps
-        rig.apply_torque(compensation_torque(lumps, angles, speeds, rig.gravity))
+        rig.apply_torque(ChainModel(lumps, rig.gravity).torque(angles, speeds))
         rig.step()
     frame = pd.DataFrame(rows, columns=["time", "angle_1", "angle_2", "speed_1", "speed_2"])
     frame.to_csv("swinging.csv", index=False)

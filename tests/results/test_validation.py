@@ -12,7 +12,7 @@ from conftest import Finished, law_of, random_links, random_plant
 import metaid as package
 from metaid.episode import natural_time, rich_pushes
 from metaid.errors import StudyError
-from metaid.models import FRICTION, IDEAL, Array, ChainModel, Lumps, compensation_torque
+from metaid.models import FRICTION, IDEAL, Array, ChainModel, Lumps
 from metaid.plant import MujocoPlant, PlantSettings, Start
 from metaid.results import smooth_sinusoids, track, validate_law
 from metaid.results.coasting import coasting_steps
@@ -92,7 +92,7 @@ def coasted_stepwise(plant: MujocoPlant, lumps: Lumps, impulses: Array, steps: i
     angles, pushed = plant.states()
     speeds = pushed
     for step in range(steps):
-        plant.apply_torque(compensation_torque(lumps, angles, speeds, plant.gravity))
+        plant.apply_torque(ChainModel(lumps, plant.gravity).torque(angles, speeds))
         plant.step()
         angles, speeds = plant.states()
         if not np.abs(speeds - pushed).max() <= 0.1 * np.abs(np.cumsum(pushed)).max():

@@ -14,7 +14,7 @@ from metaid import api, results
 from metaid.compiled import Objective
 from metaid.episode import Episode, pushed_speeds, rich_pushes, run_stepwise
 from metaid.errors import StudyError
-from metaid.models import IDEAL, Lumps, compensation_basis, compensation_torque
+from metaid.models import IDEAL, ChainModel, Lumps, compensation_basis
 from metaid.plant import MujocoPlant, Start
 from metaid.store import Store
 from metaid.study import Problem, create_study, load_study, run_study
@@ -70,7 +70,7 @@ def test_law_with_friction_and_inertia_is_linear_in_all_its_lumps(nlink: int) ->
     angles, speeds = random.uniform(-2, 2, nlink), random.uniform(-5, 5, nlink)
     leaning = np.cumsum(angles)
     force = compensation_basis(leaning, np.cumsum(speeds), 9.81, kinds, -30.0 * leaning) @ lumps.vector
-    torque = compensation_torque(lumps, angles, speeds, 9.81, stiffness=30.0)
+    torque = ChainModel(lumps, 9.81, stiffness=30.0).torque(angles, speeds)
     assert np.cumsum(force[::-1])[::-1] == pytest.approx(torque)
 
 
