@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.compiled.queue import Queue, new_queue
-from metaid.episode import QUANTITIES, Episode, Record, Windows, windows_before_fall
+from metaid.compiled.queue import Queue
+from metaid.episode import Episode, Record, Windows, windows_before_fall
 from metaid.models import Array, Lumps
 
 Laws = tuple[Array, Array, Array, Array, Array, Array]
@@ -65,33 +65,6 @@ class Batch:
         motion, half_periods = (output[candidate] for output in self.windows)
         ends = np.array(self.episode.window_ends)
         return windows_before_fall(ends, motion, half_periods, self.ran[candidate], self.fell[candidate])
-
-
-def new_batch(episode: Episode, timestep: float, gravity: float, candidates: Lumps) -> Batch:
-    """A batch of which nothing has been run.
-
-    Args:
-        episode: what is done to the plant with every candidate.
-        timestep: between two torques, in s.
-        gravity: in m/s².
-        candidates: their lumps, with a leading axis (ncandidate).
-    """
-    npush, njoint = episode.pushes.shape
-    count = len(candidates.gravity)
-    shape, in_windows = (count, npush, njoint), (count, npush, len(episode.window_ends))
-    windows = np.zeros((*in_windows, QUANTITIES, njoint)), np.zeros((*in_windows, njoint), dtype=np.int64)
-    outputs = np.zeros(shape, dtype=np.int64), np.zeros(shape), np.zeros(shape), np.zeros(shape)
-    return Batch(
-        episode,
-        timestep,
-        laws_of(episode, gravity, candidates),
-        new_queue(),
-        np.zeros((count, npush), dtype=np.int64),
-        np.zeros((count, npush), dtype=np.bool_),
-        outputs,
-        windows,
-        np.zeros((count, npush, episode.steps + 1, njoint) if episode.keep_angles else (0, 0, 0, 0)),
-    )
 
 
 def laws_of(episode: Episode, gravity: float, candidates: Lumps) -> Laws:

@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from metaid.compiled.batch import Batch, new_batch
+from metaid.compiled.batch import Batch, laws_of
 from metaid.compiled.kernel import run_from
 from metaid.compiled.law import LINK
+from metaid.compiled.queue import new_queue
 from metaid.compiled.quiet import quiet_mujoco
 from metaid.compiled.stages import Step, fastest_step
-from metaid.episode import Episode, GoesOn, Record
+from metaid.episode import QUANTITIES, Episode, GoesOn, Record
 from metaid.models import Array, Lumps
 from metaid.plant import MujocoPlant, SimulatedPlant
 
@@ -40,7 +41,21 @@ class CompiledLoop:
         """A batch of `candidates`, lumps with a leading axis (ncandidate), for this and its like to work on. Nothing in
         it depends on the number of its trial.
         """
-        return new_batch(self.episode, self.plant.timestep, self.plant.gravity, candidates)
+        episode = self.episode
+        (npush, njoint), count = episode.pushes.shape, len(candidates.gravity)
+        shape, in_windows = (count, npush, njoint), (count, npush, len(episode.window_ends))
+        kept = (count, npush, episode.steps + 1, njoint) if episode.keep_angles else (0, 0, 0, 0)
+        return Batch(
+            episode,
+            self.plant.timestep,
+            laws_of(episode, self.plant.gravity, candidates),
+            queue=new_queue(),
+            ran=np.zeros((count, npush), dtype=np.int64),
+            fell=np.zeros((count, npush), dtype=np.bool_),
+            outputs=(np.zeros(shape, dtype=np.int64), np.zeros(shape), np.zeros(shape), np.zeros(shape)),
+            windows=(np.zeros((*in_windows, QUANTITIES, njoint)), np.zeros((*in_windows, njoint), dtype=np.int64)),
+            angles=np.zeros(kept),
+        )
 
     def work_on(self, batch: Batch) -> None:
         """Runs pushes of the `batch` until there are none left; others may do so at the same time."""

@@ -6,7 +6,7 @@ socket. `ArmPlant` is a serial arm in space, whose MJCF or URDF `metaid.plant.de
 plant file. MuJoCo is loaded when a simulated plant first moves.
 """
 
-from metaid.plant.arm_plant import ArmPlant, ArmStart
+from metaid.plant.arm_plant import ArmPlant
 from metaid.plant.arm_settings import ArmSettings, by_joint
 from metaid.plant.faults import FaultSettings, Limit, Noise, draw, joint_limits, slope_weights, stream
 from metaid.plant.faulty_plant import FaultyPlant
@@ -26,5 +26,5 @@ from metaid.plant.protocol import Plant
 from metaid.plant.settings import LinkSettings, PlantSettings, chain_of
 from metaid.plant.simulated import SimulatedPlant
 from metaid.plant.socket_plant import SocketPlant, SocketSettings
-from metaid.plant.start import Start
+from metaid.plant.start import ArmStart, Start
 from metaid.plant.unknown_faults import FAULT_UNITS, fault_names, fault_unit, true_faults

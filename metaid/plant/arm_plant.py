@@ -15,30 +15,12 @@ from metaid.models import Array, question_of_distances
 from metaid.models.tree import Tree, joint_torque, tilted_gravity
 from metaid.plant.arm_settings import ArmSettings
 from metaid.plant.simulated import SimulatedPlant
+from metaid.plant.start import ArmStart
 
 if TYPE_CHECKING:
     from mujoco import MjData, MjModel
 
     from metaid.plant.description.reading import Arm
-
-
-@dataclass(frozen=True, eq=False)
-class ArmStart:
-    """From where a push of an arm begins: joint coordinates `pose` (njoint), in rad or m, and joint `speeds` (njoint),
-    in rad/s or m/s. A position controller brought it there.
-    """
-
-    pose: Array
-    speeds: Array
-
-    @property
-    def asked(self) -> dict[str, list[float]]:
-        """What a rig is asked for."""
-        return {"pose": self.pose.tolist(), "speeds": self.speeds.tolist()}
-
-    def struck(self, noise: Array) -> ArmStart:
-        """The same where chance adds this `noise` (njoint) to the speeds, as shares of them."""
-        return replace(self, speeds=self.speeds * (1.0 + noise))
 
 
 @dataclass(eq=False)

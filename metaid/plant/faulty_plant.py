@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from metaid.models import Array
-from metaid.plant.arm_plant import ArmPlant, ArmStart
+from metaid.plant.arm_plant import ArmPlant
 from metaid.plant.faults import Noise, draw, readings, slope_weights
 from metaid.plant.mujoco_plant import MujocoPlant
-from metaid.plant.start import Start
+from metaid.plant.start import ArmStart, Start
 
 
 class FaultyPlant:

@@ -16,8 +16,7 @@ from pydantic import Field, field_validator
 from metaid.errors import AbsentPlant, ImplausiblePlant, LostPlant, PlantError
 from metaid.files import Settings
 from metaid.models import Array
-from metaid.plant.arm_plant import ArmStart
-from metaid.plant.start import Start
+from metaid.plant.start import ArmStart, Start
 from metaid.plant.wire import Wire, WireError, floats, parse_address
 
 PROTOCOL = 1

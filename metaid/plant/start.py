@@ -39,3 +39,22 @@ class Start:
                 "(allowed: 0 rad for every joint; a rig is pushed from the upright)"
             )
         return {"impulses": self.impulses.tolist()}
+
+
+@dataclass(frozen=True, eq=False)
+class ArmStart:
+    """From where a push of an arm begins: joint coordinates `pose` (njoint), in rad or m, and joint `speeds` (njoint),
+    in rad/s or m/s. A position controller brought it there.
+    """
+
+    pose: Array
+    speeds: Array
+
+    @property
+    def asked(self) -> dict[str, list[float]]:
+        """What a rig is asked for."""
+        return {"pose": self.pose.tolist(), "speeds": self.speeds.tolist()}
+
+    def struck(self, noise: Array) -> ArmStart:
+        """The same where chance adds this `noise` (njoint) to the speeds, as shares of them."""
+        return replace(self, speeds=self.speeds * (1.0 + noise))

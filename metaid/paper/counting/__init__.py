@@ -8,6 +8,5 @@ programmes, and not by chance.
 """
 
 from metaid.paper.counting.counts import Counts
-from metaid.paper.counting.experiment import CountedExperiment
-from metaid.paper.counting.matching import match_counts
+from metaid.paper.counting.matching import CountedExperiment, match_counts
 from metaid.paper.counting.programme import pairs

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any, ClassVar
 
 import numpy as np
 
-from metaid.estimation import FARTHEST, Estimate, descend, place_at, starting_points
+from metaid.estimation import FARTHEST, Estimate, Experiment, WatchedTrial, descend, place_at, starting_points
 from metaid.models import DEVIATIONS, Array
 from metaid.paper.counting.counts import Counted, Counts
 from metaid.paper.counting.programme import pairs, sides
@@ -20,6 +22,7 @@ PROGRAMMES = 30
 POOR, GOOD = 0.3, 0.7  # shares of the promised gain, below and above which the next programme reaches less or more
 SHARES = 1.0, 0.5, 0.25, 0.1  # of the way to the centre of the set, until the counts there are right
 RIGHT_COUNTS = 1.0  # fewer counts than this differ where the model shows what was counted
+PROBES = 10  # trials that over-compensate: a count says little
 
 
 @dataclass(frozen=True)
@@ -156,3 +159,20 @@ def _covariance(extremes: Array) -> Array:
     moments = np.atleast_2d(np.cov(extremes.reshape(-1, len(halves)).T))
     scale = halves / np.sqrt(np.maximum(np.diag(moments), np.finfo(float).tiny))
     return np.asarray(moments * np.outer(scale, scale))
+
+
+@dataclass(frozen=True, eq=False)
+class CountedExperiment(Experiment):
+    """That of a planar chain without noise: the half periods of each window are to be exactly those of the twin."""
+
+    counts: ClassVar[bool] = True
+
+    @property
+    def probes(self) -> int:
+        return PROBES
+
+    def _comparison(self, trials: Sequence[WatchedTrial]) -> Counts:
+        return Counts([trial for trial in trials if trial.windows.seen.any()], self.unknowns)
+
+    def _fit(self, compared: Any, begin: Array | None, restarts: int) -> Estimate:
+        return match_counts(compared, begin, restarts)

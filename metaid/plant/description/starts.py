@@ -18,9 +18,10 @@ import numpy as np
 from metaid.errors import PlantError, usable_mujoco
 from metaid.models import Array
 from metaid.models.tree import Tree
-from metaid.plant.arm_plant import ArmPlant, ArmStart
+from metaid.plant.arm_plant import ArmPlant
 from metaid.plant.description.compiling import gathered_warnings
 from metaid.plant.description.fusing import Whole, body_name
+from metaid.plant.start import ArmStart
 
 with usable_mujoco():
     import mujoco
