@@ -59,15 +59,13 @@ def usual_limits(plant: ArmPlant | MujocoPlant) -> Limits:
         home, torque = np.where(np.arange(n) == 0, np.pi, 0.0), plant.settings.faults.torque_limits(n)
     else:
         home, torque = plant.home, tree.torque_limit
-    slides, low, high = tree.slides, tree.low, tree.high
-    beyond = np.where(slides, SLIDE, SWING)
-    bounded = np.isfinite(low) & np.isfinite(high)
-    margin = np.where(bounded, MARGIN * np.where(bounded, high - low, 0.0), 0.0)
+    low, high = tree.ranges(SWING, SLIDE, home)
+    margin = np.where(np.isfinite(tree.high - tree.low), MARGIN * (high - low), 0.0)
     return Limits(
-        np.where(np.isfinite(low), low + margin, home - beyond),
-        np.where(np.isfinite(high), high - margin, home + beyond),
-        np.where(slides, SLIDING, SPEED),
-        np.where(slides, PUSHING, ACCELERATION),
+        low + margin,
+        high - margin,
+        np.where(tree.slides, SLIDING, SPEED),
+        np.where(tree.slides, PUSHING, ACCELERATION),
         torque,
     )
 

@@ -70,8 +70,7 @@ def parameter_unit(kind: str, is_slide: bool) -> str:
 def random_states(tree: Tree, seed: int, count: int = STATES) -> tuple[Array, Array, Array]:
     """Joint coordinates in their ranges, speeds and accelerations (count x njoint each)."""
     random = np.random.default_rng(seed)
-    widest = np.where(tree.slides, 1.0, np.pi)  # of a joint without limits
-    low, high = np.where(np.isfinite(tree.low), tree.low, -widest), np.where(np.isfinite(tree.high), tree.high, widest)
+    low, high = tree.ranges(np.pi, 1.0)
     speeds, accelerations = random.standard_normal((2, count, tree.njoint))
     return random.uniform(low, np.maximum(low, high), (count, tree.njoint)), speeds, FAST * accelerations
 

@@ -64,6 +64,14 @@ class Tree:
     def njoint(self) -> int:
         return len(self.names)
 
+    def ranges(self, hinge: float, slide: float, middle: Array | float = 0.0) -> tuple[Array, Array]:
+        """From where to where joints may move (njoint each), in rad or m: those without a limit so far, a `hinge` or a
+        `slide`, to either side of a `middle`.
+        """
+        beyond = np.where(self.slides, slide, hinge)
+        low = np.where(np.isfinite(self.low), self.low, middle - beyond)
+        return low, np.where(np.isfinite(self.high), self.high, middle + beyond)
+
     @cached_property
     def parameters(self) -> Array:
         """The parameters of every joint and its link (njoint x 13), in the order of PARAMETERS."""

@@ -74,10 +74,7 @@ def draw_free_starts(tree: Tree, count: int, horizon: float, seed: int, speed: f
 
 def _ranges(tree: Tree, home: Array) -> Array:
     """From where to where the joints may move (2 x njoint), in rad or m."""
-    beyond = np.where(tree.slides, REACH, np.pi)
-    middle = np.where(tree.slides, home, 0.0)
-    low = np.where(np.isfinite(tree.low), tree.low, middle - beyond)
-    high = np.where(np.isfinite(tree.high), tree.high, middle + beyond)
+    low, high = tree.ranges(np.pi, REACH, np.where(tree.slides, home, 0.0))
     margin = MARGIN * (high - low)
     return np.stack([low + margin, high - margin])
 
