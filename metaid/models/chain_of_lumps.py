@@ -103,9 +103,9 @@ def _closest(length: Array, gravity: Array, inertia: Array | None, lumps: Lumps,
     ]
     start = np.concatenate([nominal.mass, *moments(nominal.mass, about_joint)])
     found = closest(groups, start, null_space(np.vstack(lumps_of)))
-    if not found.is_possible:
+    if found is None:
         return None
-    masses, about = np.split(found.x, 3)[::2]
+    masses, about = np.split(found, 3)[::2]
     s, about = moments(masses, about)
     return Chain(
         length=length,

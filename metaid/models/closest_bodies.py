@@ -77,26 +77,12 @@ class Matrices:
         return traces.sum(axis=-1), rows @ rows.T
 
 
-@dataclass(frozen=True)
-class Closest:
-    """The parameters `x` (nparam) at which the matrices are closest to the nominal ones, and how much of the nominal
-    every one of them has there: they minus `share` times the nominal are positive semidefinite.
-    """
+def closest(groups: Sequence[Matrices], start: Array, directions: Array) -> Array | None:
+    """The parameters x (nparam) at which all matrices are positive definite and closest to the nominal ones.  Eqs. 76
+    and 77.
 
-    x: Array
-    share: float
-
-    @property
-    def is_possible(self) -> bool:
-        """Whether all matrices are positive definite."""
-        return self.share > 0.0
-
-
-def closest(groups: Sequence[Matrices], start: Array, directions: Array) -> Closest:
-    """The parameters at which all matrices are positive definite and closest to the nominal ones.  Eqs. 76 and 77.
-
-    Where they can have no share of LEAST_SHARE of the nominal ones, it is raised as far as it goes; where this is not
-    above 0, there is no such body, or none that is not many times as large as the nominal one.
+    Where they can have no share of LEAST_SHARE of the nominal ones, it is raised as far as it goes. None where this is
+    not above 0: there is no such body, or none that is not many times as large as the nominal one.
 
     Args:
         groups: the matrices, those of one size in a group.
@@ -112,7 +98,7 @@ def closest(groups: Sequence[Matrices], start: Array, directions: Array) -> Clos
         if raised - share <= STALLED:
             break
         share = raised
-    return Closest(x, least)
+    return x if least > 0.0 else None
 
 
 def _between(lower: Array, matrices: Array) -> Array:

@@ -49,9 +49,9 @@ def possible_bodies(prior: ArmPrior, values: Array) -> PossibleBodies | None:
     njoint, size = nominal.njoint, len(PARAMETERS)
     groups, directions = _cones(prior)
     found = closest(groups, prior.parameters_at(values).ravel(), directions)
-    if not found.is_possible:
+    if found is None:
         return None
-    parameters = found.x[None].copy()
+    parameters = found[None].copy()
     parameters[:, base.columns] += values - parameters @ base.matrix.T  # what rounding left
     parameters = parameters.reshape(njoint, size)
     cut = np.minimum(parameters[:, BODY:], 0.0)
