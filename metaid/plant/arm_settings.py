@@ -11,10 +11,9 @@ from pydantic import Field, model_validator
 from metaid.errors import PlantError, unknown
 from metaid.files import Settings
 from metaid.models import Array
-from metaid.plant.faults import FaultSettings
+from metaid.plant.faults import FaultSettings, Limit, Size
 
 Value = Annotated[float, Field(ge=-1e6, le=1e6)]
-AtLeastZero = Annotated[float, Field(ge=0, le=1e6)]
 
 
 def by_joint(what: str, given: Mapping[str, float], names: Sequence[str], usual: Array) -> Array:
@@ -56,10 +55,10 @@ class ArmSettings(Settings):
     gravity: Annotated[tuple[Value, Value, Value], Field(strict=False)] | None = None
     timestep: Annotated[float, Field(ge=1e-6, le=0.1)] = 0.002
     truth_known: bool = True
-    rotor: dict[str, AtLeastZero] = Field(default_factory=dict)
-    damping: dict[str, AtLeastZero] = Field(default_factory=dict)
-    frictionloss: dict[str, AtLeastZero] = Field(default_factory=dict)
-    torque_limit: dict[str, Annotated[float, Field(gt=0, le=1e9)]] = Field(default_factory=dict)
+    rotor: dict[str, Size] = Field(default_factory=dict)
+    damping: dict[str, Size] = Field(default_factory=dict)
+    frictionloss: dict[str, Size] = Field(default_factory=dict)
+    torque_limit: dict[str, Limit] = Field(default_factory=dict)
     stiffness: dict[str, Value] = Field(default_factory=dict)
     slack: dict[str, Value] = Field(default_factory=dict)
     faults: FaultSettings = FaultSettings()

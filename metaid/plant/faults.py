@@ -22,9 +22,8 @@ FEWEST_READINGS = 3  # of them, however slowly they come
 
 Size = Annotated[float, Field(ge=0, le=1e6)]
 Limit = Annotated[float, Field(gt=0, le=1e9)]
-Offset = Annotated[float, Field(ge=-1, le=1)]
+Angle = Annotated[float, Field(ge=-1, le=1)]
 Gain = Annotated[float, Field(ge=0.1, le=10)]
-Tilt = Annotated[float, Field(ge=-1, le=1)]
 PER_JOINT = ("torque_limit", "torque_gain", "encoder_offset")  # one number for all joints, or one each
 
 
@@ -53,14 +52,14 @@ class FaultSettings(Settings):
     speed_noise: Size = 0.0
     speed_sensor: bool = True
     encoder_step: Annotated[float, Field(ge=0, le=1)] = 0.0
-    encoder_offset: Offset | Annotated[tuple[Offset, ...], Field(min_length=1, strict=False)] = 0.0
+    encoder_offset: Angle | Annotated[tuple[Angle, ...], Field(min_length=1, strict=False)] = 0.0
     control_every: Annotated[int, Field(ge=1, le=1000)] = 1
     delay: Annotated[int, Field(ge=0, le=1000)] = 0
     torque_limit: Limit | Annotated[tuple[Limit, ...], Field(min_length=1, strict=False)] | None = None
     torque_gain: Gain | Annotated[tuple[Gain, ...], Field(min_length=1, strict=False)] = 1.0
     torque_noise: Size = 0.0
     push_noise: Annotated[float, Field(ge=0, le=1)] = 0.0
-    tilt: Tilt | Annotated[tuple[Tilt, Tilt], Field(strict=False)] = 0.0
+    tilt: Angle | Annotated[tuple[Angle, Angle], Field(strict=False)] = 0.0
 
     @property
     def named(self) -> dict[str, object]:

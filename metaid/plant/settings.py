@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from metaid.files import Settings
 from metaid.models import Array, Chain, least_inertia
-from metaid.plant.faults import FaultSettings
+from metaid.plant.faults import FaultSettings, Size
 
 Positive = Annotated[float, Field(ge=1e-6, le=1e6)]
 
@@ -23,9 +23,9 @@ class LinkSettings(Settings):
     mass: Positive
     com: Annotated[float, Field(ge=1e-9, le=1e6)] | None = None
     inertia: Annotated[float, Field(gt=0, le=1e9)] | None = None
-    damping: Annotated[float, Field(ge=0, le=1e6)] = 0.0
-    frictionloss: Annotated[float, Field(ge=0, le=1e6)] = 0.0
-    stiffness: Annotated[float, Field(ge=0, le=1e6)] = 0.0
+    damping: Size = 0.0
+    frictionloss: Size = 0.0
+    stiffness: Size = 0.0
 
     @model_validator(mode="after")
     def _can_be_a_body(self) -> LinkSettings:
