@@ -63,7 +63,7 @@ class Space(NamedTuple):
 
 def frames_of(tree: Tree) -> Frames:
     """Those of an arm."""
-    fixed, turned, across = np.array(tree.turning.reshape(tree.njoint, 3, 9).swapaxes(0, 1), order="C")
+    fixed, turned, across = np.array(tree.axes_terms.reshape(tree.njoint, 3, 9).swapaxes(0, 1), order="C")
     slide = np.einsum("nij,nj->ni", tree.rotation, tree.axis) * tree.slides[:, None]
     vectors = tree.position, tree.axis, tree.gravity
     position, axis, gravity = (np.array(each, np.float64, order="C") for each in vectors)

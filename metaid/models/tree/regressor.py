@@ -153,7 +153,7 @@ def _placed(tree: Tree, joint: int, coordinate: Array) -> tuple[Array, Array]:
     if tree.slides[joint]:
         place = place + np.multiply.outer(tree.rotation[joint] @ tree.axis[joint], coordinate)
     factors = np.stack([np.ones_like(coordinate), np.cos(coordinate), np.sin(coordinate)])
-    axes = tree.turning[joint].reshape(3, 9).T @ factors.reshape(3, -1)
+    axes = tree.axes_terms[joint].reshape(3, 9).T @ factors.reshape(3, -1)
     return axes.reshape(3, 3, *coordinate.shape), place
 
 

@@ -83,7 +83,7 @@ class Tree:
         return np.concatenate([self.mass[:, None], moment, inertia, friction], axis=1)
 
     @cached_property
-    def turning(self) -> Array:
+    def axes_terms(self) -> Array:
         """What the axes of each link in the frame of the link before are a sum of (njoint x 3 x 3 x 3): as they are;
         times cos q; times sin q.
         """
