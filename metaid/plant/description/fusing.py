@@ -32,7 +32,7 @@ class Whole:
     """
 
     model: mujoco.MjModel
-    joints: tuple[int, ...]
+    joints: list[int]
     pose: Array
     lost_meshes: tuple[str, ...] = ()
 
@@ -68,7 +68,7 @@ class Whole:
     def springs(self) -> tuple[Array, Array]:
         """The stiffness of the moving joints' springs, in N m/rad or N/m, and where they are slack (njoint each)."""
         off = self.model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_SPRING
-        stiffness = np.zeros(len(self.joints)) if off else self.model.jnt_stiffness[list(self.joints)]
+        stiffness = np.zeros(len(self.joints)) if off else self.model.jnt_stiffness[self.joints]
         return stiffness, np.where(stiffness, self.model.qpos_spring[self.addresses], 0.0)
 
     @cached_property
@@ -92,7 +92,7 @@ class Whole:
         frame.
         """
         data = self.posed(coordinates)
-        return data.xanchor[list(self.joints)].copy(), data.xaxis[list(self.joints)].copy()
+        return data.xanchor[self.joints].copy(), data.xaxis[self.joints].copy()
 
     def tip_at(self, coordinates: Array) -> Array:
         """Where the last link ends (3): as far beyond its centre of mass as that is from its joint."""
@@ -131,21 +131,21 @@ def fuse(whole: Whole) -> Tree:
     """The serial arm that moves as the whole file does while the other joints are held."""
     model, njoint = whole.model, len(whole.joints)
     data = whole.posed(np.zeros(njoint))
-    origin = data.xanchor[list(whole.joints)]
-    frames = data.xmat[model.jnt_bodyid[list(whole.joints)]].reshape(-1, 3, 3)
+    origin = data.xanchor[whole.joints]
+    frames = data.xmat[model.jnt_bodyid[whole.joints]].reshape(-1, 3, 3)
     before_origin = np.concatenate([np.zeros((1, 3)), origin[:-1]])
     before_frames = np.concatenate([np.eye(3)[None], frames[:-1]])
     mass, com, inertia = _links(whole, data, origin, frames)
-    degrees, limited = whole.degrees, model.jnt_limited[list(whole.joints)].astype(bool)
+    degrees, limited = whole.degrees, model.jnt_limited[whole.joints].astype(bool)
     off, disabled = mujoco.mjtDisableBit, model.opt.disableflags
-    low, high = model.jnt_range[list(whole.joints)].T
+    low, high = model.jnt_range[whole.joints].T
     armature, damping = _actuators_share(whole)
     return Tree(
         names=whole.names,
         position=np.einsum("nji,nj->ni", before_frames, origin - before_origin),
         rotation=before_frames.transpose(0, 2, 1) @ frames,
-        axis=np.einsum("nji,nj->ni", frames, data.xaxis[list(whole.joints)]),
-        slides=model.jnt_type[list(whole.joints)] == mujoco.mjtJoint.mjJNT_SLIDE,
+        axis=np.einsum("nji,nj->ni", frames, data.xaxis[whole.joints]),
+        slides=model.jnt_type[whole.joints] == mujoco.mjtJoint.mjJNT_SLIDE,
         low=np.where(limited, low, -np.inf),
         high=np.where(limited, high, np.inf),
         torque_limit=_torque_limits(whole),
@@ -225,7 +225,7 @@ def _torque_limits(whole: Whole) -> Array:
             gain = abs(model.actuator_gainprm[actuator, 0])
             largest = min(largest, gain * np.abs(model.actuator_ctrlrange[control]).min())
         given[i] += abs(gear) * largest
-    of_joints = np.abs(model.jnt_actfrcrange[list(whole.joints)]).min(axis=1)
-    said = (of_joints > 0) & (model.jnt_actfrclimited[list(whole.joints)] > 0)
+    of_joints = np.abs(model.jnt_actfrcrange[whole.joints]).min(axis=1)
+    said = (of_joints > 0) & (model.jnt_actfrclimited[whole.joints] > 0)
     limits: Array = np.minimum(np.where(given > 0, given, np.inf), np.where(said, of_joints, np.inf))
     return limits

@@ -18,7 +18,7 @@ LARGEST = 1e6  # of every number in SI units: nobody has an arm that needs more
 LEAVE_OUT = "joints = [names] (--joints A,B) of those that move, the others are held"
 
 
-def moving_joints(source: str, model: mujoco.MjModel, wanted: Sequence[str] | None) -> tuple[int, ...]:
+def moving_joints(source: str, model: mujoco.MjModel, wanted: Sequence[str] | None) -> list[int]:
     """The numbers of the joints that move (njoint), from the base on: those that are `wanted`, by name, or else all but
     those of short branches, as fingers and a head are.
 
@@ -36,7 +36,7 @@ def moving_joints(source: str, model: mujoco.MjModel, wanted: Sequence[str] | No
                 f"joint '{name}' is {kind} (allowed: {', '.join(allowed)})" if kind else unknown("joint", name, allowed)
             )
             raise PlantError(f"{source}: joints: {met}")
-    joints = _trunk(model) if wanted is None else tuple(i for i, name in enumerate(names) if name in wanted)
+    joints = _trunk(model) if wanted is None else [i for i, name in enumerate(names) if name in wanted]
     for joint in joints:
         kind = kinds.get(types[joint])
         if kind:
@@ -59,16 +59,16 @@ def moving_joints(source: str, model: mujoco.MjModel, wanted: Sequence[str] | No
     return joints
 
 
-def _trunk(model: mujoco.MjModel) -> tuple[int, ...]:
+def _trunk(model: mujoco.MjModel) -> list[int]:
     """The numbers of the joints from the base to where the longest series of a file part; of all where a branch that
     leaves them has more than half as many, or one is no hinge and no slide.
     """
-    series, every = _series(model), tuple(range(model.njnt))
+    series, every = _series(model), list(range(model.njnt))
     if len({joint for each in series for joint in each}) < len(every):
         return every
     longest = max(map(len, series), default=0)
     alike = [each for each in series if len(each) == longest]
-    trunk = tuple(joints[0] for joints in takewhile(lambda joints: len(set(joints)) == 1, zip(*alike, strict=True)))
+    trunk = [joints[0] for joints in takewhile(lambda joints: len(set(joints)) == 1, zip(*alike, strict=True))]
     branches = [len(set(each) - set(trunk)) for each in series]
     return trunk if 2 * max(branches, default=0) <= len(trunk) else every
 
