@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from metaid.exporting.laws import ArmLaw, ChainLaw, Law
 from metaid.exporting.xml_files import Couple
-from metaid.models import FRICTION, Array, Chain, Lumps, chain_of_lumps
-from metaid.models.tree import ArmPrior, Spring, Tree, planar_tree, possible_bodies
+from metaid.models import FRICTION, SLIDING, Array, Chain, Lumps, chain_of_lumps
+from metaid.models.tree import PARAMETERS, ArmPrior, JointFriction, Spring, Tree, planar_tree, possible_bodies
 
 EXACT = 1e-9  # by which lumps may differ from a chain's: rounding
 _PARTS = ("rotor", "damping", "coulomb")
@@ -84,7 +84,10 @@ def chain_dynamics(
 def arm_dynamics(prior: ArmPrior, values: Array) -> Dynamics:
     """That of an arm with base parameters `values` (nbase), its bodies close to the nominal ones of a `prior`."""
     found = possible_bodies(prior, values)
-    law = ArmLaw(prior.nominal, prior.parameters_at(values))
+    parameters = prior.parameters_at(values)
+    viscous, coulomb = (parameters[:, PARAMETERS.index(name)] for name in ("damping", "coulomb"))
+    friction = JointFriction.simple(viscous, coulomb, np.full(len(parameters), SLIDING))
+    law = ArmLaw(prior.nominal, parameters, friction)
     if found is None:
         return Dynamics(law, None, None, (), is_chain=False)
     notes = tuple(

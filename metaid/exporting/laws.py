@@ -10,7 +10,6 @@ import re
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -20,7 +19,7 @@ from metaid.models import FRICTION, SLIDING, Array, ChainModel
 from metaid.models.tree import PARAMETERS, JointFriction, Tree, body_torque, inertia_matrices, joint_mass_matrix
 
 Constants = Mapping[str, Array | NDArray[np.bool_] | NDArray[np.intp]]
-_ROTOR, _DAMPING, _COULOMB = (PARAMETERS.index(name) for name in ("rotor", "damping", "coulomb"))
+_ROTOR = PARAMETERS.index("rotor")
 
 
 class _Written(ABC):
@@ -89,12 +88,12 @@ class ArmLaw(_Written):
     Attributes:
         tree: where the joints are.
         parameters: of its bodies and rotors (njoint x 13), which need not be those of possible bodies.
-        friction: of its joints, in place of that among the parameters; None where it is that.
+        friction: of its joints; that among the parameters does not count.
     """
 
     tree: Tree
     parameters: Array
-    friction: JointFriction | None = None
+    friction: JointFriction
 
     kind: ClassVar[str] = "arm"
     has_inertia: ClassVar[bool] = True
@@ -103,19 +102,11 @@ class ArmLaw(_Written):
     def njoint(self) -> int:
         return self.tree.njoint
 
-    @cached_property
-    def joint_friction(self) -> JointFriction:
-        """The friction of the joints, wherever it is said."""
-        if self.friction is not None:
-            return self.friction
-        still = np.full(self.njoint, SLIDING)
-        return JointFriction.simple(self.parameters[:, _DAMPING], self.parameters[:, _COULOMB], still)
-
     def torque(self, angles: Array, speeds: Array) -> Array:
         """The joint torque (... x njoint) that leaves nothing to accelerate the plant, in N m (of a slide in N), of
         angles and speeds (... x njoint each); dry friction is what the speeds alone say.
         """
-        friction, steady = self.joint_friction, np.zeros_like(speeds)
+        friction, steady = self.friction, np.zeros_like(speeds)
         rigid = self._rigid(angles, speeds, steady)
         return rigid + friction.torque(angles, speeds, steady, rigid, friction.sliding.at(speeds))
 
@@ -123,14 +114,14 @@ class ArmLaw(_Written):
         """As that of a chain. Rows (... x nrow x njoint) are in the order of time: where dry friction has pre-sliding
         it follows the motion.
         """
-        friction, rigid = self.joint_friction, self._rigid(angles, speeds, accelerations)
+        friction, rigid = self.friction, self._rigid(angles, speeds, accelerations)
         sliding = friction.sliding
         slip = sliding.at(speeds) if angles.ndim == 1 else sliding.along(angles, speeds)
         return rigid + friction.torque(angles, speeds, accelerations, rigid, slip)
 
     def mass_matrix(self, angles: Array) -> Array:
         bodies = joint_mass_matrix(self.tree.with_parameters(self.parameters), angles)
-        return bodies + self.joint_friction.mass_matrix
+        return bodies + self.friction.mass_matrix
 
     def _rigid(self, angles: Array, speeds: Array, accelerations: Array) -> Array:
         """What bodies and rotors need (... x njoint), in N m."""
@@ -139,7 +130,7 @@ class ArmLaw(_Written):
 
     @property
     def _constants(self) -> Constants:
-        tree, parameters, friction = self.tree, self.parameters, self.joint_friction
+        tree, parameters, friction = self.tree, self.parameters, self.friction
         sliding = friction.sliding
         return {
             "gravity": tree.gravity,

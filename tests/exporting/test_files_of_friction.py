@@ -191,7 +191,7 @@ def test_pre_sliding_follows_the_motion_and_not_the_speed() -> None:
 
 def test_simple_file_says_nothing_of_what_it_has_not() -> None:
     """A study's arm has viscous and dry friction alone."""
-    law = ArmLaw(PUMA, PUMA.parameters)
+    law = ArmLaw(PUMA, PUMA.parameters, JointFriction.simple(PUMA.damping, PUMA.coulomb, np.full(6, 0.1)))
     for text in (law.python(), law.c("arm")):
         words = ("slip", "slide(", "root", "offset[", "OFFSET", "load[N]", "LOAD", "spring", "SPRING", "coupled", "%")
         assert not [word for word in words if word in text]
