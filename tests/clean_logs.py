@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from metaid.recorded import Intake, Record, every_run
+from metaid.recorded import Intake, LogRun, every_run
 
 
 def clean(seconds: float = 8.0, rate: float = 200.0, seed: int = 0) -> pd.DataFrame:
@@ -24,11 +24,11 @@ def intake(joints: tuple[str, ...] = ("1", "2"), **given: object) -> Intake:
     return Intake(joints, np.zeros(len(joints), dtype=bool), **given)  # type: ignore[arg-type]
 
 
-def read(log: pd.DataFrame | str, **given: object) -> Record:
+def read(log: pd.DataFrame | str, **given: object) -> LogRun:
     """The one run in a log."""
     (record,) = every_run(intake(**given), [log])  # type: ignore[arg-type]
     return record
 
 
-def kinds(record: Record) -> list[str]:
+def kinds(record: LogRun) -> list[str]:
     return [repair.kind for repair in record.repairs]

@@ -10,7 +10,7 @@ import numpy as np
 from metaid.models import Array
 from metaid.models.tree import Tree, joint_torque
 from metaid.plant import ArmPlant, load_plant
-from metaid.recorded import Record
+from metaid.recorded import LogRun
 
 # What a test is not about is said: to choose it takes longer than all else.
 SAID: dict[str, Any] = {"friction": ("viscous", "coulomb"), "window": 0.2, "delay": 0.0}
@@ -46,7 +46,7 @@ def log_of(
     seconds: float = 6.0,
     seed: int = 3,
     period: float | None = None,
-) -> Record:
+) -> LogRun:
     """The log of an arm that swings; its torques act `late` s after they are logged, as an exact model says, and
     `extra` ones that follow from speeds (nrow x njoint).
     """
@@ -58,7 +58,7 @@ def log_of(
     shifted = times[:, None] + late + times[1] * (np.arange(fine) + 0.5) / fine  # a torque holds until the next
     held = np.stack([np.interp(shifted, every, column).mean(axis=1) for column in torques.T], axis=1)
     angles = coordinates[::fine] + noise * np.random.default_rng(1).standard_normal((rows + 1, tree.njoint))
-    return Record("swing.csv", times, angles, None, held)
+    return LogRun("swing.csv", times, angles, None, held)
 
 
 def swinging_arm() -> Tree:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from metaid.excitation.search import MotionSearch
 from metaid.excitation.series import Series
 from metaid.models import COARSEST, Array
-from metaid.recorded import Choices, Record, equations_like, estimate_records
+from metaid.recorded import Choices, LogRun, equations_like, estimate_records
 
 LASTS = 0.1  # s: how long a torque that no model explains lasts
 REHEARSED = 48  # logs, whose noise differs
@@ -57,7 +57,7 @@ class LogForecast:
     unknown: tuple[str, ...]
 
 
-def recorded(torques: Torques, series: Series, seconds: float, noise: LogNoise, seeds: Sequence[int]) -> list[Record]:
+def recorded(torques: Torques, series: Series, seconds: float, noise: LogNoise, seeds: Sequence[int]) -> list[LogRun]:
     """Logs of a robot that follows a series exactly, again and again.
 
     Args:
@@ -78,7 +78,7 @@ def recorded(torques: Torques, series: Series, seconds: float, noise: LogNoise, 
     for row in range(1, len(times)):
         unexplained[:, row] = keeps * unexplained[:, row - 1] + np.sqrt(1.0 - keeps**2) * unexplained[:, row]
     return [
-        Record("motion", times, angles + noise.angle * of_angles, None, sent + size * of_torques)
+        LogRun("motion", times, angles + noise.angle * of_angles, None, sent + size * of_torques)
         for of_torques, of_angles in zip(unexplained, drawn[:, 1], strict=True)
     ]
 
@@ -96,7 +96,7 @@ def forecast(problem: MotionSearch, series: Series, seconds: float, noise: LogNo
     logs = recorded(problem.torques, series, seconds, noise, range(REHEARSED))
     found = estimate_records(logs[:1], model, Choices(friction=FRICTION, zeros=False, delay=0.0))
 
-    def rehearse(record: Record) -> tuple[Array, Array, Array]:
+    def rehearse(record: LogRun) -> tuple[Array, Array, Array]:
         equations = equations_like(found, record)
         solution = equations.solution
         inverse = np.linalg.inv(solution.precision)

@@ -14,7 +14,7 @@ from metaid.recorded.estimating import RecordedEstimate, equations_like, estimat
 from metaid.recorded.gains import Gains, Payload, drive_gains
 from metaid.recorded.held_out import HeldOut
 from metaid.recorded.reading.log import Intake, every_run
-from metaid.recorded.reading.readings import Record
+from metaid.recorded.reading.readings import LogRun
 from metaid.recorded.result import Log, estimate
 from metaid.recorded.telling.curves import FrictionCurve, GravityCurve, friction_curves, gravity_curves
 from metaid.recorded.telling.judging import RecordedVerdict, judge_records

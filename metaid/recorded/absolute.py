@@ -15,7 +15,7 @@ import numpy as np
 
 from metaid.errors import RecordError, unknown
 from metaid.models import Array
-from metaid.recorded.reading.readings import Record, Repair
+from metaid.recorded.reading.readings import LogRun, Repair
 from metaid.recorded.weak_form.linear_model import LinearModel
 
 MOTOR = ":motor"  # after the name of a joint: its motor stands on the base, too
@@ -47,7 +47,7 @@ class Absolute:
         """Whether each logged torque is that of a joint."""
         return bool((self.motors == np.eye(len(self.motors))).all())
 
-    def record(self, record: Record) -> Record:
+    def record(self, record: LogRun) -> LogRun:
         """What the joints have of a log."""
         if self.is_plain:
             return record

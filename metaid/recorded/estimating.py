@@ -23,7 +23,7 @@ from metaid.recorded.doubts.scales import scales_of, torque_scale
 from metaid.recorded.doubts.suspects import examined, suspects
 from metaid.recorded.gains import Gains
 from metaid.recorded.held_out import HeldOut
-from metaid.recorded.reading.readings import Record
+from metaid.recorded.reading.readings import LogRun
 from metaid.recorded.weak_form.equations import Equations, Solution, equations_of, first_equations
 from metaid.recorded.weak_form.linear_model import LinearModel
 from metaid.recorded.weak_form.normal import ZERO, solved
@@ -85,7 +85,7 @@ class RecordedEstimate:
     gains: Gains | None = None
 
     @property
-    def records(self) -> tuple[Record, ...]:
+    def records(self) -> tuple[LogRun, ...]:
         """The logs as they were read."""
         return tuple(own.record for own in self.logs)
 
@@ -110,7 +110,7 @@ class RecordedEstimate:
 
 
 def estimate_records(
-    records: Sequence[Record], model: LinearModel, choices: Choices | None = None, gains: Gains | None = None
+    records: Sequence[LogRun], model: LinearModel, choices: Choices | None = None, gains: Gains | None = None
 ) -> RecordedEstimate:
     """What logs say of a robot.
 
@@ -177,7 +177,7 @@ def _with_idle(model: LinearModel, logs: Sequence[Smoothed]) -> LinearModel:
     return replace(model, untrusted=model.untrusted | (idle & held), passive=idle & ~held)
 
 
-def equations_like(found: RecordedEstimate, record: Record) -> Equations:
+def equations_like(found: RecordedEstimate, record: LogRun) -> Equations:
     """The equations of another log of the same robot, with the windows, terms and delay that were chosen.  Raises
     RecordError where it is too short.
     """

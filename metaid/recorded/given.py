@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from metaid.models import Array
-from metaid.recorded.reading.readings import Record
+from metaid.recorded.reading.readings import LogRun
 
 ALL = "all"
 DIGITS = {"scale": ".3g", "zero": ".4f"}
@@ -64,7 +64,7 @@ class Given:
     zero: Array
     signs: Array
 
-    def meant(self, record: Record) -> Record:
+    def meant(self, record: LogRun) -> LogRun:
         """A log as it is meant."""
         shifted = replace(record, angles=record.angles + self.zero, torques=record.torques * self.scale)
         return shifted.mapped(lambda read: read * self.signs)

@@ -23,7 +23,7 @@ from metaid.recorded.gains import Gains, Payload, drive_gains
 from metaid.recorded.given import Given
 from metaid.recorded.held_out import HeldOut, Yardstick
 from metaid.recorded.reading.log import Intake, every_run, short_names
-from metaid.recorded.reading.readings import Record
+from metaid.recorded.reading.readings import LogRun
 from metaid.recorded.reading.stretches import Stretches, without
 from metaid.recorded.telling.judging import judge_records
 from metaid.recorded.telling.told import RecordedResult
@@ -130,7 +130,7 @@ def estimate(
     needed = law is None, _rate(rate), named
     intake = Intake(model.joints, slides, columns or {}, topic, untrusted_read, endless, *needed)
 
-    def read(every: Sequence[Log], first: int) -> tuple[Record, ...]:
+    def read(every: Sequence[Log], first: int) -> tuple[LogRun, ...]:
         found = tuple(record.mapped(lambda read: read[:, places]) for record in every_run(intake, every, first))
         if law is not None:
             compensated = load_plant(law)
@@ -200,7 +200,7 @@ def _refuse_beside(measured: Absolute, given: Mapping[str, bool]) -> None:
             raise RecordError(f"{name}: beside {what} (allowed: one of the two)")
 
 
-def _compensated(record: Record, plant: Any) -> Record:
+def _compensated(record: LogRun, plant: Any) -> LogRun:
     """A log with the torques of the law that compensated a `plant` at what was read.  Raises RecordError where the log
     has no speeds.
     """
@@ -216,7 +216,7 @@ def _is_same(log: Log, other: Log) -> bool:
     return Path(log) == Path(other)
 
 
-def _gains(unloaded: Sequence[Record], loaded: Sequence[tuple[Record, Payload]], model: LinearModel) -> Gains:
+def _gains(unloaded: Sequence[LogRun], loaded: Sequence[tuple[LogRun, Payload]], model: LinearModel) -> Gains:
     if model.prior is None:
         raise RecordError("payload: the robot is a planar chain of a plant file (allowed: an MJCF or URDF)")
     free, carrying = [smoothed(each) for each in unloaded], [(smoothed(each), payload) for each, payload in loaded]

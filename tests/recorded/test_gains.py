@@ -18,8 +18,8 @@ from metaid.models.tree import PARAMETERS, Tree
 from metaid.recorded import (
     Choices,
     Gains,
+    LogRun,
     Payload,
-    Record,
     RecordedResult,
     arm_model,
     drive_gains,
@@ -43,7 +43,7 @@ def loaded(tree: Tree, mass: float = MASS) -> Tree:
     return tree.with_parameters(parameters)
 
 
-def record_of(tree: Tree, rubs: float = 1.0) -> Record:
+def record_of(tree: Tree, rubs: float = 1.0) -> LogRun:
     """A log in currents, with dry friction."""
     record = log_of(tree, noise=2e-5, extra=lambda speeds: rubs * DRY * np.tanh(speeds / 0.05), seconds=8.0)
     noise = 0.1 * np.random.default_rng(2).standard_normal(record.torques.shape)
@@ -57,7 +57,7 @@ def gains_of(payload: Payload, arm: Tree | None = None) -> Gains:
     return drive_gains([smoothed(free)], [(smoothed(load), payload)], arm_model(wrong_tree(arm, 0)))
 
 
-def table(record: Record) -> pd.DataFrame:
+def table(record: LogRun) -> pd.DataFrame:
     columns = {"time": record.times}
     for kind, values in (("angle", record.angles), ("torque", record.torques)):
         columns |= {f"{kind}_{joint + 1}": values[:, joint] for joint in range(record.njoint)}

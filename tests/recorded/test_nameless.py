@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from metaid.errors import RecordError
-from metaid.recorded import Record, every_run
+from metaid.recorded import LogRun, every_run
 from tests.clean_logs import clean, intake, kinds, read
 
 BLOCKS = [f"{kind}_{joint}" for kind in ("angle", "speed", "torque") for joint in (1, 2)]
@@ -25,7 +25,7 @@ def in_blocks() -> pd.DataFrame:
     return log
 
 
-def assert_same(record: Record, usual: Record) -> None:
+def assert_same(record: LogRun, usual: LogRun) -> None:
     np.testing.assert_allclose(record.times, usual.times, atol=1e-12)
     np.testing.assert_allclose(record.angles, usual.angles, atol=1e-12)
     assert record.speeds is not None

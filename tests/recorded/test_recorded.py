@@ -24,7 +24,7 @@ from metaid.plant import ArmPlant, Start, load_chain, load_plant
 from metaid.recorded import (
     Choices,
     LinearModel,
-    Record,
+    LogRun,
     RecordedEstimate,
     arm_model,
     chain_model,
@@ -57,7 +57,7 @@ def arm() -> Tree:
     return swinging_arm()
 
 
-def estimated(record: Record, model: LinearModel, choices: Choices | None = None) -> RecordedEstimate:
+def estimated(record: LogRun, model: LinearModel, choices: Choices | None = None) -> RecordedEstimate:
     found = estimate_records([record], model, choices)
     assert judge_records(found).is_found
     return found

@@ -22,7 +22,7 @@ from metaid.plant import load_chain
 from metaid.recorded import (
     Choices,
     LinearModel,
-    Record,
+    LogRun,
     RecordedVerdict,
     arm_model,
     chain_model,
@@ -39,7 +39,7 @@ pytestmark = pytest.mark.slow
 VISCOUS, BASE = Choices(friction=("viscous",)), Choices(friction=("viscous", "coulomb"))
 
 
-def judged(record: Record, model: LinearModel, choices: Choices | None = None) -> RecordedVerdict:
+def judged(record: LogRun, model: LinearModel, choices: Choices | None = None) -> RecordedVerdict:
     found = judge_records(estimate_records([record], model, choices))
     assert found.is_found
     return found
@@ -56,7 +56,7 @@ def outside(found: RecordedVerdict, true: Array, times: float = 1.0) -> list[str
 
 
 @pytest.fixture(scope="module")
-def chain_log() -> tuple[Record, LinearModel, Array]:
+def chain_log() -> tuple[LogRun, LinearModel, Array]:
     """The exact log of two links with friction, whose torques act 1 ms early, its model, and what is true."""
     chain, damping = load_chain("two-link").chain, np.array([0.05, 0.02])
     record = log_of(planar_tree(chain, 9.81), late=-0.001, extra=lambda speeds: damping * speeds)
@@ -64,7 +64,7 @@ def chain_log() -> tuple[Record, LinearModel, Array]:
     return record, model, np.concatenate([chain.lumps_of(("gravity", "coriolis", "inertia")).vector, damping])
 
 
-def test_delay_that_is_said_is_no_surer_than_the_log(chain_log: tuple[Record, LinearModel, Array]) -> None:
+def test_delay_that_is_said_is_no_surer_than_the_log(chain_log: tuple[LogRun, LinearModel, Array]) -> None:
     """Half a control step makes friction wrong by a tenth: its interval holds that, and the verdict names the delay."""
     record, model, true = chain_log
     found = judged(record, model, Choices(delay=0.0, friction=("viscous",)))
@@ -72,7 +72,7 @@ def test_delay_that_is_said_is_no_surer_than_the_log(chain_log: tuple[Record, Li
     assert any("a delay of -1 ms would explain" in reason for reason in found.reasons)
 
 
-def test_scale_of_a_joints_torques_is_suspected(chain_log: tuple[Record, LinearModel, Array]) -> None:
+def test_scale_of_a_joints_torques_is_suspected(chain_log: tuple[LogRun, LinearModel, Array]) -> None:
     """A motor's constant that is wrong by 5 % is named, and no lump is wrong by two half-widths of its interval."""
     record, model, true = chain_log
     found = judged(record.with_torques(record.torques * np.array([1.0, 1.05])), model, VISCOUS)
@@ -80,7 +80,7 @@ def test_scale_of_a_joints_torques_is_suspected(chain_log: tuple[Record, LinearM
     assert any("another scale of the torques of joints 1, 2" in reason for reason in found.reasons)
 
 
-def test_scale_of_all_torques_is_what_a_verdict_does_not_know(chain_log: tuple[Record, LinearModel, Array]) -> None:
+def test_scale_of_all_torques_is_what_a_verdict_does_not_know(chain_log: tuple[LogRun, LinearModel, Array]) -> None:
     """It says so of every log, for nothing in one shows it."""
     record, model, _ = chain_log
     right, scaled = (
@@ -115,7 +115,7 @@ def test_joints_that_are_misplaced_are_suspected() -> None:
     assert any("another place of joint" in reason for reason in found.reasons)
 
 
-def test_tiny_motion_tells_nothing(chain_log: tuple[Record, LinearModel, Array]) -> None:
+def test_tiny_motion_tells_nothing(chain_log: tuple[LogRun, LinearModel, Array]) -> None:
     """Within 0.02 rad friction holds like a spring and creeps, so nothing is found, however well it is predicted."""
     record, model, _ = chain_log
     tiny = replace(record, angles=0.003 * record.angles)
@@ -124,7 +124,7 @@ def test_tiny_motion_tells_nothing(chain_log: tuple[Record, LinearModel, Array])
     assert "no joint goes farther than 0.00" in found.reasons[0]
 
 
-def test_window_spans_no_gap_of_the_log(chain_log: tuple[Record, LinearModel, Array]) -> None:
+def test_window_spans_no_gap_of_the_log(chain_log: tuple[LogRun, LinearModel, Array]) -> None:
     """Nobody knows which torques were sent where rows are missing; a row here and there does no harm."""
     record, *_ = chain_log
     kept = np.ones(len(record.times), dtype=np.bool_)
@@ -162,7 +162,7 @@ def test_zero_that_is_off_by_a_quarter_turn_is_named_with_its_sign(shift: float,
     torques = joint_torque(arm, coordinates, speeds, accelerations) + 0.5 * speeds + dry * np.tanh(100.0 * speeds)
     read = coordinates - shift * np.array([0.0, 1.0, 0.0])
     runs = [
-        Record(f"run{first}.csv", slower * times[first:last], read[first:last], None, torques[first:last])
+        LogRun(f"run{first}.csv", slower * times[first:last], read[first:last], None, torques[first:last])
         for first, last in pairwise((0, 700, 1400, 2001))
     ]
     found = estimate_records(runs, arm_model(wrong_tree(arm, 0)), replace(BASE, delay=0.0))

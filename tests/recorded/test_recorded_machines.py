@@ -16,7 +16,7 @@ from metaid.models.tree import PARAMETERS, Tree, joint_mass_matrix, joint_torque
 from metaid.plant import ArmPlant, load_chain, load_plant
 from metaid.recorded import (
     Choices,
-    Record,
+    LogRun,
     RecordedEstimate,
     arm_model,
     chain_model,
@@ -33,17 +33,17 @@ BASE = ("viscous", "coulomb")
 ROTOR = PARAMETERS.index("rotor")
 
 
-def arm_log(extra: Callable[[Array], Array] | None = None, noise: float = 1e-5, seconds: float = 2.0) -> Record:
+def arm_log(extra: Callable[[Array], Array] | None = None, noise: float = 1e-5, seconds: float = 2.0) -> LogRun:
     return log_of(swinging_arm(), noise=noise, extra=extra, seconds=seconds)
 
 
-def estimated(*records: Record, friction: tuple[str, ...] | None = BASE, span: float = 0.1) -> RecordedEstimate:
+def estimated(*records: LogRun, friction: tuple[str, ...] | None = BASE, span: float = 0.1) -> RecordedEstimate:
     model = arm_model(wrong_tree(swinging_arm(), 0))
     return estimate_records(records, model, Choices(span=span, friction=friction, zeros=False, delay=0.0))
 
 
 @pytest.fixture(scope="module")
-def rubbed() -> tuple[Record, RecordedEstimate]:
+def rubbed() -> tuple[LogRun, RecordedEstimate]:
     """The log of an arm with dry friction, and what it says."""
     record = arm_log(lambda speeds: DRY * np.sign(speeds))
     return record, estimated(record)
@@ -72,7 +72,7 @@ def test_each_log_has_zeros_of_its_own() -> None:
     whole = log_of(planar_tree(chain, 9.81), noise=1e-4, seconds=6.0)
     thirds = np.array_split(np.arange(len(whole.times)), 3)
     records = [
-        Record(f"{i}", whole.times[rows], whole.angles[rows] - zero, None, whole.torques[rows])
+        LogRun(f"{i}", whole.times[rows], whole.angles[rows] - zero, None, whole.torques[rows])
         for i, (rows, zero) in enumerate(zip(thirds, zeros, strict=True))
     ]
     found = estimate_records(records, chain_model(wrong_chain(chain, 1), 9.81), Choices(friction=("viscous",)))
@@ -90,7 +90,7 @@ def test_joint_that_is_held_spoils_no_other(shown: float) -> None:
         each[:, 0] *= 1e-4
     torques = joint_torque(swinging_arm(), *moving)
     torques[:, 0] = shown * np.sin(3.0 * times)
-    record = Record("held.csv", times, moving[0], None, torques)
+    record = LogRun("held.csv", times, moving[0], None, torques)
     found = estimated(record)
     assert found.held_out.by_joint[1:].max() < 0.006
     verdict = judge_records(found, [fact.text for fact in facts_of(found)])
@@ -113,7 +113,7 @@ def test_gravity_that_points_the_other_way_is_named_though_all_is_predicted(way:
     speeds, accelerations = speeds / slower, accelerations / slower**2
     torques = joint_torque(replace(arm, gravity=way * arm.gravity), coordinates, speeds, accelerations)
     torques += 0.5 * speeds + 0.3 * np.tanh(100.0 * speeds)
-    record = Record("slow.csv", slower * times, coordinates, None, torques)
+    record = LogRun("slow.csv", slower * times, coordinates, None, torques)
     found = estimated(record, span=0.5)
     said = [fact.text for fact in facts_of(found)]
     assert found.held_out.relative < 0.03
@@ -136,7 +136,7 @@ def test_log_of_what_cannot_be_tells_bodies_that_can_be() -> None:
     assert np.linalg.eigvalsh(tree.inertia).min() > 0.0
 
 
-def built_up(record: Record) -> Array:
+def built_up(record: LogRun) -> Array:
     """The state of dry friction (nrow x 3) that builds up over 20 mrad."""
     state, states = np.zeros(3), np.zeros_like(record.angles)
     for row, step in enumerate(np.diff(record.angles, axis=0)):
@@ -212,7 +212,7 @@ def test_another_unit_of_all_torques_is_named_and_does_not_bend_the_answer() -> 
     assert any("mN m? --scale all=0.001" in reason for reason in judge_records(milli).reasons)
 
 
-def test_joint_that_nothing_predicts_is_named(rubbed: tuple[Record, RecordedEstimate]) -> None:
+def test_joint_that_nothing_predicts_is_named(rubbed: tuple[LogRun, RecordedEstimate]) -> None:
     """Beside two that are predicted well, so that the whole is."""
     record, _ = rubbed
     random = np.random.default_rng(0).standard_normal((len(record.times) // 100 + 2, 1)) * (0.0, 0.0, 2.0)
@@ -271,7 +271,7 @@ def test_runs_that_begin_at_other_times_are_simulated_alike() -> None:
     whole = arm_log()
     rows = np.arange(0, len(whole.times), 4)
     first, second = (
-        Record(f"{start}", start + whole.times[rows], whole.angles[rows], None, whole.torques[rows])
+        LogRun(f"{start}", start + whole.times[rows], whole.angles[rows], None, whole.torques[rows])
         for start in (0.0, 18.352)
     )
     held = estimated(first, second).held_out
@@ -279,25 +279,25 @@ def test_runs_that_begin_at_other_times_are_simulated_alike() -> None:
     assert (held.angle < 0.2 * held.constant_speed).all()
 
 
-def runs(extra: Callable[[Array], Array] | None = None) -> list[Record]:
+def runs(extra: Callable[[Array], Array] | None = None) -> list[LogRun]:
     """Three logs of other motions."""
     logs = [log_of(swinging_arm(), noise=1e-5, extra=extra, seconds=2.0, seed=seed) for seed in range(3)]
     return [replace(log, name=f"run{number}") for number, log in enumerate(logs)]
 
 
-def turned(record: Record) -> Record:
+def turned(record: LogRun) -> LogRun:
     return record.with_torques(record.torques * np.array([1.0, -1.0, 1.0]))
 
 
-def in_milli(record: Record) -> Record:
+def in_milli(record: LogRun) -> LogRun:
     return record.with_torques(record.torques * np.array([1.0, 1000.0, 1.0]))
 
 
-def quarter(record: Record) -> Record:
+def quarter(record: LogRun) -> LogRun:
     return replace(record, angles=record.angles - np.array([0.0, 0.5 * np.pi, 0.0]))
 
 
-def other_way(record: Record) -> Record:
+def other_way(record: LogRun) -> LogRun:
     return replace(turned(record), angles=record.angles * np.array([1.0, -1.0, 1.0]))
 
 
@@ -310,7 +310,7 @@ def other_way(record: Record) -> Record:
         (other_way, "--reversed {}"),
     ],
 )
-def test_fact_that_is_wrong_is_named_with_what_mends_it(spoil: Callable[[Record], Record], option: str) -> None:
+def test_fact_that_is_wrong_is_named_with_what_mends_it(spoil: Callable[[LogRun], LogRun], option: str) -> None:
     """Of the second joint, first of all that is named."""
     record = spoil(arm_log(lambda speeds: DRY * np.sign(speeds)))
     found = estimated(record)
@@ -340,7 +340,7 @@ def test_log_that_contradicts_the_others_is_named_first(lost: float) -> None:
     assert [fact.text.partition(" contradicts the other logs")[0] for fact in facts] == (["run1"] if lost else [])
 
 
-def heavy_rotor(arm: Tree) -> tuple[Record, Tree]:
+def heavy_rotor(arm: Tree) -> tuple[LogRun, Tree]:
     """That turns with the first joint, whose axis is vertical; nobody knows of any rotor."""
     with_rotor = arm.parameters.copy()
     with_rotor[0, ROTOR] = 5.0
@@ -349,14 +349,14 @@ def heavy_rotor(arm: Tree) -> tuple[Record, Tree]:
     return log_of(arm.with_parameters(with_rotor), noise=1e-5, seconds=2.0), arm.with_parameters(unknown)
 
 
-def on_the_axis(arm: Tree) -> tuple[Record, Tree]:
+def on_the_axis(arm: Tree) -> tuple[LogRun, Tree]:
     """The last nominal body, but for rounding, as a URDF without centres of mass has it."""
     rounded = arm.parameters.copy()
     rounded[2, 1:4] = 1e-19
     return log_of(arm, noise=1e-5, seconds=4.0), arm.with_parameters(rounded)
 
 
-def stiff_gears(arm: Tree) -> tuple[Record, Tree]:
+def stiff_gears(arm: Tree) -> tuple[LogRun, Tree]:
     """A light arm, whose friction is far beyond what any of its bodies needs."""
     light = arm.with_parameters(0.05 * arm.parameters)
     friction = np.array([20.0, 40.0, 40.0])
@@ -364,7 +364,7 @@ def stiff_gears(arm: Tree) -> tuple[Record, Tree]:
 
 
 @pytest.mark.parametrize("machine", [heavy_rotor, on_the_axis, stiff_gears])
-def test_what_a_rough_model_lacks_is_no_fact_that_is_wrong(machine: Callable[[Tree], tuple[Record, Tree]]) -> None:
+def test_what_a_rough_model_lacks_is_no_fact_that_is_wrong(machine: Callable[[Tree], tuple[LogRun, Tree]]) -> None:
     """Rotors, centres of mass and friction are not in it; the torques are in N m."""
     record, nominal = machine(swinging_arm())
     model = arm_model(nominal)
@@ -381,7 +381,7 @@ def test_gravity_that_points_elsewhere_is_named_and_no_unit_in_its_place() -> No
     assert [fact.option for fact in facts_of(found)] == ["--gravity 0,0,-9.81"]
 
 
-def test_motor_that_turns_with_two_joints_is_named(rubbed: tuple[Record, RecordedEstimate]) -> None:
+def test_motor_that_turns_with_two_joints_is_named(rubbed: tuple[LogRun, RecordedEstimate]) -> None:
     """Where nobody said so; of an arm that has none nothing is."""
 
     def coupled(speeds: Array) -> Array:

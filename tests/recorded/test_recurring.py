@@ -8,7 +8,7 @@ from random_arm import wrong_tree
 from swinging import log_of, swinging_arm
 
 from metaid.models import Array
-from metaid.recorded import Choices, Record, arm_model, estimate_records, judge_records
+from metaid.recorded import Choices, LogRun, arm_model, estimate_records, judge_records
 
 pytestmark = pytest.mark.slow
 
@@ -21,7 +21,7 @@ def unknown(speeds: Array) -> Array:
     return 0.5 * np.sin(3.0 * speeds)
 
 
-def log(seconds: float, seed: int = 3, period: float | None = PERIOD) -> Record:
+def log(seconds: float, seed: int = 3, period: float | None = PERIOD) -> LogRun:
     return log_of(swinging_arm(), 0.0, 1e-5, unknown, seconds, seed, period)
 
 

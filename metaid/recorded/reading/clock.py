@@ -13,7 +13,7 @@ from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
 from metaid.models import Array
-from metaid.recorded.reading.readings import Record, counted, noise_of, resolution_of
+from metaid.recorded.reading.readings import LogRun, counted, noise_of, resolution_of
 from metaid.recorded.reading.times import rising
 
 REGULAR = 0.02  # of a period, by which steps of a regular clock may differ
@@ -33,7 +33,7 @@ NEVER = 1e-9  # s: between two stamps that are the same
 LATE = 0.5  # of a period: a stamp that is later may be of a later packet
 
 
-def on_true_clock(readings: Record) -> Record:
+def on_true_clock(readings: LogRun) -> LogRun:
     """The same with the times that its readings speak for, and lost packets said."""
     steps = np.diff(readings.times)
     period = readings.period
@@ -56,14 +56,14 @@ def on_true_clock(readings: Record) -> Record:
     return _lost(rising(replace(readings, times=times - times[0]).repaired("jitter", len(readings), text)), lost)
 
 
-def _lost(readings: Record, lost: int) -> Record:
+def _lost(readings: LogRun, lost: int) -> LogRun:
     if not lost:
         return readings
     text = f"{counted(lost, 'row')} lost between others: torques hold, and long gaps are not fitted"
     return readings.repaired("lost rows", lost, text)
 
 
-def _usual_step(readings: Record, told: Array) -> float:
+def _usual_step(readings: LogRun, told: Array) -> float:
     """The time between two packets, in s: as speeds have `told` (nrow − 1), else the usual mean of some steps."""
     if np.isfinite(told).sum() > 10 * WINDOW:
         usual = np.nanmedian(told)
@@ -87,7 +87,7 @@ def _coherent_step(stamps: Array, mean: float) -> float:
     return float(periods[together.argmax()]) if is_clear else mean
 
 
-def _told_steps(readings: Record) -> Array:
+def _told_steps(readings: LogRun) -> Array:
     """How long each step took by the speeds (nrow − 1), in s, NaN where the robot is too slow to tell, or a log has no
     speeds.
     """
@@ -139,7 +139,7 @@ def _settled(stamps: Array, ticks: NDArray[np.intp]) -> Array:
     return np.asarray(even + np.interp(ticks, [float(np.mean(ticks[block])) for block in blocks], off))
 
 
-def _left(readings: Record, times: Array) -> float:
+def _left(readings: LogRun, times: Array) -> float:
     """What these times (nrow) leave unexplained of the readings: of how far joints went in a step what their speeds do
     not say, else of angles what a cubic through two neighbours on either side does not.
     """

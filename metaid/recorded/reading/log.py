@@ -22,7 +22,7 @@ from metaid.recorded.reading.formats import tables_of
 from metaid.recorded.reading.merging import lacking, merged, sampled_at
 from metaid.recorded.reading.nameless import called_as_file, refusal
 from metaid.recorded.reading.plausible import refuse_few_rows, refuse_implausible
-from metaid.recorded.reading.readings import Record, counted
+from metaid.recorded.reading.readings import LogRun, counted
 from metaid.recorded.reading.repairs import rested, tamed, unwrapped, without_head, without_repeats
 from metaid.recorded.reading.times import begins_again, in_order, in_seconds, numeric_times, runs_of
 
@@ -63,7 +63,7 @@ class Intake:
         pieces = [understood(table, self.joints, self.columns) for table in tables]
         return pieces if self.rate is None else [piece.on_rate(self.rate) for piece in pieces]
 
-    def run_of(self, pieces: Sequence[Understood]) -> tuple[Record, ...]:
+    def run_of(self, pieces: Sequence[Understood]) -> tuple[LogRun, ...]:
         """The runs in tables, of which one has all that is needed, or all together.  Raises RecordError."""
         piece = self._complete(pieces)
         readings = in_seconds(self._measured(piece), piece.unit)
@@ -97,7 +97,7 @@ class Intake:
             f"time, of each of {len(self.joints)} joints angle_1, torque_1 and perhaps speed_1; or {told})"
         )
 
-    def _measured(self, piece: Understood) -> Record:
+    def _measured(self, piece: Understood) -> LogRun:
         """The cells of a table as numbers; where all torques are 0, those of others that may be torques and are not."""
         readings = self._numbers(piece)
         for word in piece.others if self.needs_torques and not readings.torques.any() else ():
@@ -106,7 +106,7 @@ class Intake:
                 return other.repaired("torque", 1, f"torques are 0: {word} is read instead, as by --map {word}=torque")
         return readings
 
-    def _numbers(self, piece: Understood) -> Record:
+    def _numbers(self, piece: Understood) -> LogRun:
         """The cells of a table as numbers, NaN where a cell has none."""
         frame, names, factors = piece.load(), piece.kinds, piece.factors
         angles = _numbers(frame, names["angle"], factors)
@@ -114,9 +114,9 @@ class Intake:
         torques = _numbers(frame, names["torque"] or [""] * len(self.joints), factors)
         torques = np.where(self.untrusted, 0.0, torques)
         times = numeric_times([frame[each] for each in piece.times])
-        return Record(piece.table.name, times, angles, speeds, torques, piece.notes, names=names)
+        return LogRun(piece.table.name, times, angles, speeds, torques, piece.notes, names=names)
 
-    def _runs(self, readings: Record) -> list[Record]:
+    def _runs(self, readings: LogRun) -> list[LogRun]:
         """The runs of a log, repaired, in the order of time, and plausible."""
         readings = in_order(_without_holes(without_head(_at_angles(readings))))
         refuse_few_rows(readings)
@@ -146,7 +146,7 @@ def _numbers(frame: pd.DataFrame, names: Sequence[str], factors: Mapping[str, fl
     return numbers * [factors.get(name, 1.0) for name in names]
 
 
-def _at_angles(readings: Record) -> Record:
+def _at_angles(readings: LogRun) -> LogRun:
     """A log most of whose rows have readings of one topic alone, at the times of the angles: a torque holds until the
     next, speeds are straight between two. Any other as it is.
     """
@@ -165,7 +165,7 @@ def _at_angles(readings: Record) -> Record:
     )
 
 
-def _without_holes(readings: Record) -> Record:
+def _without_holes(readings: LogRun) -> LogRun:
     """The same without rows in which a cell has no number.  Raises RecordError where these are most."""
     holes = {"time": np.isnan(readings.times)}
     for kind, names in readings.names.items():
@@ -197,7 +197,7 @@ def short_names(paths: Iterable[str]) -> dict[str, str]:
     return names
 
 
-def every_run(intake: Intake, logs: Iterable[str | Path | pd.DataFrame], first: int = 1) -> tuple[Record, ...]:
+def every_run(intake: Intake, logs: Iterable[str | Path | pd.DataFrame], first: int = 1) -> tuple[LogRun, ...]:
     """The runs in several logs, one after the other. Logs that follow one another and have some kinds of readings each
     are one.
 
@@ -213,7 +213,7 @@ def every_run(intake: Intake, logs: Iterable[str | Path | pd.DataFrame], first: 
         RecordError: one is not such a log.
         MissingExtraError: a package for its format is not installed.
     """
-    runs: list[Record] = []
+    runs: list[LogRun] = []
     waiting: list[Understood] = []
     for number, log in enumerate(logs, first):
         waiting += intake.pieces(log, number)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from metaid.errors import RecordError
 from metaid.models import Array
-from metaid.recorded.reading.readings import Record, noise_of
+from metaid.recorded.reading.readings import LogRun, noise_of
 
 LEAST_ROWS = 100
 MANY_TURNS = 25.0  # rad: a hinge that is said to be farther from 0 is probably logged in degrees
@@ -22,7 +22,7 @@ DEGREES = 180.0 / np.pi
 RADIANS = re.compile(r"\brad(ians?)?\b", re.IGNORECASE)  # in a column's own name
 
 
-def refuse_few_rows(readings: Record) -> None:
+def refuse_few_rows(readings: LogRun) -> None:
     """Raises RecordError where there are too few rows."""
     if len(readings) < LEAST_ROWS:
         repeated = [f", {repair.text}" for repair in readings.repairs if repair.kind == "repeated times"]
@@ -30,7 +30,7 @@ def refuse_few_rows(readings: Record) -> None:
 
 
 def refuse_implausible(
-    readings: Record, slides: NDArray[np.bool_], endless: NDArray[np.bool_] | bool, needs_torques: bool
+    readings: LogRun, slides: NDArray[np.bool_], endless: NDArray[np.bool_] | bool, needs_torques: bool
 ) -> None:
     """Raises RecordError where angles are in degrees, speeds are not how angles change, torques are all 0, or nothing
     moves.
@@ -50,7 +50,7 @@ def refuse_implausible(
         raise RecordError(f"{readings.name}: no joint moves")
 
 
-def _refuse_degrees(readings: Record, slides: NDArray[np.bool_], endless: NDArray[np.bool_] | bool) -> None:
+def _refuse_degrees(readings: LogRun, slides: NDArray[np.bool_], endless: NDArray[np.bool_] | bool) -> None:
     is_said = np.array([RADIANS.search(name) is not None for name in readings.names["angle"]])
     stride = max(1, round(0.05 / readings.period))
     moved = np.abs(readings.angles[stride:] - readings.angles[:-stride]).max(axis=0, initial=0.0)
@@ -65,7 +65,7 @@ def _refuse_degrees(readings: Record, slides: NDArray[np.bool_], endless: NDArra
         )
 
 
-def _refuse_other_speeds(readings: Record, speeds: Array) -> None:
+def _refuse_other_speeds(readings: LogRun, speeds: Array) -> None:
     """Speeds that are not how fast the angles change, over a tenth of a second or so. Changes within the noise of the
     sensors say nothing of speeds, nor does a joint that is held.
     """

@@ -27,7 +27,7 @@ class Repair:
 
 
 @dataclass(frozen=True)
-class Record:
+class LogRun:
     """What a log holds, NaN where a cell has no number until it is cleaned.
 
     Attributes:
@@ -74,7 +74,7 @@ class Record:
         """Rows (nrow) in which some joint has no number."""
         return np.asarray(np.isnan(np.hstack([*self.kinds.values()])).any(axis=1))
 
-    def with_kinds(self, kinds: Mapping[str, Array]) -> Record:
+    def with_kinds(self, kinds: Mapping[str, Array]) -> LogRun:
         """The same with other readings of some kinds (nrow x njoint each)."""
         return replace(self, **{f"{kind}s": read for kind, read in kinds.items()})  # type: ignore[arg-type]
 
@@ -85,20 +85,20 @@ class Record:
         nearest = np.searchsorted(0.5 * (self.times[1:] + self.times[:-1]), times)
         return np.asarray(self.rests[nearest], dtype=np.bool_)
 
-    def rows(self, which: NDArray[np.bool_] | NDArray[np.intp] | slice) -> Record:
+    def rows(self, which: NDArray[np.bool_] | NDArray[np.intp] | slice) -> LogRun:
         """The same with some of the rows alone, or in another order."""
         rests = None if self.rests is None else self.rests[which]
         return replace(self, times=self.times[which], rests=rests).mapped(lambda read: read[which])
 
-    def mapped(self, change: Callable[[Array], Array]) -> Record:
+    def mapped(self, change: Callable[[Array], Array]) -> LogRun:
         """The same with every kind of readings (nrow x njoint) changed in the same way."""
         return self.with_kinds({kind: change(read) for kind, read in self.kinds.items()})
 
-    def with_torques(self, torques: Array) -> Record:
+    def with_torques(self, torques: Array) -> LogRun:
         """The same motion under these `torques` (nrow x njoint)."""
         return replace(self, torques=torques)
 
-    def repaired(self, kind: str, count: int, text: str) -> Record:
+    def repaired(self, kind: str, count: int, text: str) -> LogRun:
         """The same, with one more repair said."""
         return replace(self, repairs=(*self.repairs, Repair(kind, int(count), text)))
 

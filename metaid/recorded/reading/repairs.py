@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from metaid.errors import RecordError
 from metaid.models import Array
-from metaid.recorded.reading.readings import Record, counted, resolution_of
+from metaid.recorded.reading.readings import LogRun, counted, resolution_of
 
 WILD = 12.0  # standard deviations of what neighbours leave of a reading
 SHAPE = np.array([1.0 / 6.0, -2.0 / 3.0, 1.0, -2.0 / 3.0, 1.0 / 6.0])  # what one wild reading leaves of five
@@ -35,7 +35,7 @@ CREEPS = 0.01  # of all that a joint moves: one that goes farther does not rest
 MOST_RESTS = 0.95  # of a log
 
 
-def tamed(readings: Record) -> Record:
+def tamed(readings: LogRun) -> LogRun:
     """The same with each lone wild reading replaced by what its four neighbours say; where torques or speeds have many,
     a controller sends them.  Raises RecordError where angles have too many.
     """
@@ -69,7 +69,7 @@ def tamed(readings: Record) -> Record:
     return readings
 
 
-def without_head(readings: Record) -> Record:
+def without_head(readings: LogRun) -> LogRun:
     """The same without its first rows, up to the last that has no number or an angle where no joint of the log goes:
     recorders write what is in their memory while they have no reading. One such row alone is a wild reading.
     """
@@ -123,7 +123,7 @@ def _lasting(five: Array) -> float:
     return float(abs((following - last) - (last - before) - (after - following)))
 
 
-def unwrapped(readings: Record, slides: NDArray[np.bool_]) -> Record:
+def unwrapped(readings: LogRun, slides: NDArray[np.bool_]) -> LogRun:
     """The same with angles that go on where they were cut at a full turn.  Raises RecordError where an angle jumps
     otherwise, faster than any joint turns.
     """
@@ -149,7 +149,7 @@ def unwrapped(readings: Record, slides: NDArray[np.bool_]) -> Record:
     return readings
 
 
-def without_repeats(readings: Record) -> Record:
+def without_repeats(readings: LogRun) -> LogRun:
     """The same without rows that repeat all readings of the row above though the robot moves: packets that were sent,
     or written, twice. Where angles are usually read but once in several rows, a row is left of each reading, at rest as
     well, with speeds and torques that are averages of theirs.
@@ -194,7 +194,7 @@ def _moves(angles: Array) -> NDArray[np.bool_]:
     return np.asarray((steps > STEPS * np.maximum(resolution_of(angles), 1e-12)).any(axis=1), dtype=np.bool_)
 
 
-def rested(readings: Record) -> Record:
+def rested(readings: LogRun) -> LogRun:
     """The same with the rows known in which no joint leaves what rounding and noise make for a while: no model is
     fitted to these.
     """

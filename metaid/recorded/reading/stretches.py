@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 
 from metaid.errors import RecordError, unknown
 from metaid.recorded.reading.plausible import LEAST_ROWS
-from metaid.recorded.reading.readings import Record, counted
+from metaid.recorded.reading.readings import LogRun, counted
 
 Stretches = Mapping[str, Sequence[tuple[float, float]]]
 
 
-def without(stretches: Stretches, *several: Sequence[Record]) -> list[tuple[Record, ...]]:
+def without(stretches: Stretches, *several: Sequence[LogRun]) -> list[tuple[LogRun, ...]]:
     """Several lists of logs without what is left out of those of some names, each stretch from a time to another, in s;
     around the gap that it leaves nothing is fitted or judged.  Raises RecordError where no log has such a name, or a
     stretch has no row, or leaves too few.
@@ -23,7 +23,7 @@ def without(stretches: Stretches, *several: Sequence[Record]) -> list[tuple[Reco
     return [tuple(_cut(record, stretches.get(record.name, ())) for record in records) for records in several]
 
 
-def _cut(record: Record, stretches: Sequence[tuple[float, float]]) -> Record:
+def _cut(record: LogRun, stretches: Sequence[tuple[float, float]]) -> LogRun:
     for begin, end in stretches:
         times = record.times
         inside = (times >= begin) & (times <= end)

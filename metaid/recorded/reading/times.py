@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from metaid.errors import RecordError
 from metaid.models import Array
 from metaid.recorded.reading.plausible import LEAST_ROWS
-from metaid.recorded.reading.readings import Record, counted
+from metaid.recorded.reading.readings import LogRun, counted
 
 CLOCKS = ("time", "t", "timestamp", "stamp", "times", "timestamps", "clock", "elapsed", "epoch")
 UNITS = {"s": 1.0, "ms": 1e-3, "µs": 1e-6, "ns": 1e-9}
@@ -54,7 +54,7 @@ def numeric_times(columns: Sequence[pd.Series]) -> Array:
     return np.where(np.abs(times) < NO_TIME, times, np.nan)
 
 
-def in_seconds(readings: Record, said: str | None) -> Record:
+def in_seconds(readings: LogRun, said: str | None) -> LogRun:
     """The same with times in s from its first row on. Their usual step tells the unit, for a log of a robot has 10 Hz
     to 10 kHz; between two that are possible the speeds tell. What the column's name has `said` is taken where it is
     possible.  Raises RecordError where the unit is none of s, ms, µs, ns.
@@ -76,7 +76,7 @@ def in_seconds(readings: Record, said: str | None) -> Record:
     return timed.repaired("unit of times", len(readings), f"times are in {unit}: the log has {rate:.4g} Hz")
 
 
-def _usual_step(readings: Record) -> float:
+def _usual_step(readings: LogRun) -> float:
     finite = readings.times[np.isfinite(readings.times)]
     steps = np.diff(np.sort(finite))
     steps = steps[steps > 0.0]
@@ -85,7 +85,7 @@ def _usual_step(readings: Record) -> float:
     return float(np.median(steps))
 
 
-def _disagreement(readings: Record, size: float) -> float:
+def _disagreement(readings: LogRun, size: float) -> float:
     """How far speeds are from the change of the angles, were the unit of times so many s, as a logarithm."""
     assert readings.speeds is not None
     steps = size * np.diff(readings.times)
@@ -95,7 +95,7 @@ def _disagreement(readings: Record, size: float) -> float:
     return abs(float(np.log(max(float(np.nansum(said)), 1e-300) / max(whole, 1e-300))))
 
 
-def in_order(readings: Record) -> Record:
+def in_order(readings: LogRun) -> LogRun:
     """The same with times that do not fall: sorted, and without rows that are there twice."""
     back = int((np.diff(readings.times) < 0.0).sum())
     if back:
@@ -107,12 +107,12 @@ def in_order(readings: Record) -> Record:
     return _without(readings, same, "that are there twice")
 
 
-def rising(readings: Record) -> Record:
+def rising(readings: LogRun) -> LogRun:
     """The same with times that rise: of rows that are at the same time the first alone."""
     return _without(readings, np.diff(readings.times) <= 0.0, "at the time of the row above")
 
 
-def _without(readings: Record, late: NDArray[np.bool_], which: str) -> Record:
+def _without(readings: LogRun, late: NDArray[np.bool_], which: str) -> LogRun:
     """The same without rows after the first (nrow − 1)."""
     count = int(late.sum())
     if not count:
@@ -121,7 +121,7 @@ def _without(readings: Record, late: NDArray[np.bool_], which: str) -> Record:
     return kept.repaired("repeated times", count, f"{counted(count, 'row')} {which}: left out")
 
 
-def begins_again(readings: Record) -> list[Record]:
+def begins_again(readings: LogRun) -> list[LogRun]:
     """The parts of a log whose clock was set back, each a run."""
     steps = np.diff(readings.times)
     again = np.flatnonzero(steps < -AGAIN) + 1
@@ -132,7 +132,7 @@ def begins_again(readings: Record) -> list[Record]:
     return [readings.rows(part) for part in rising]
 
 
-def runs_of(readings: Record) -> list[Record]:
+def runs_of(readings: LogRun) -> list[LogRun]:
     """The runs between the gaps of a log, the first of which says what was repaired."""
     gap = max(GAP, RARELY * readings.period)
     late = np.flatnonzero(np.diff(readings.times) > gap)

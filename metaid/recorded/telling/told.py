@@ -20,7 +20,7 @@ from metaid.models import Array
 from metaid.recorded.doubts.conventions import Fact
 from metaid.recorded.estimating import RecordedEstimate
 from metaid.recorded.held_out import HeldOut
-from metaid.recorded.reading.readings import Record
+from metaid.recorded.reading.readings import LogRun
 from metaid.recorded.telling.curves import friction_curves
 from metaid.recorded.telling.judging import RecordedVerdict
 from metaid.recorded.telling.model_files import dynamics_of
@@ -80,7 +80,7 @@ class RecordedResult:
         return f"<RecordedResult of {self.plant}: {self.verdict.word}, torques left out predicted to {predicted:.3g} %>"
 
     @property
-    def records(self) -> tuple[Record, ...]:
+    def records(self) -> tuple[LogRun, ...]:
         """The logs as they were read."""
         return self.estimate.records
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.models import Array
-from metaid.recorded.reading.readings import Record, straight
+from metaid.recorded.reading.readings import LogRun, straight
 from metaid.recorded.weak_form.linear_model import LinearModel
 
 ANGLES = 20.0  # Hz
@@ -48,7 +48,7 @@ class Smoothed:
         held: which joints (njoint) are held here and move in another log: stiction bears what their motors do not show.
     """
 
-    record: Record
+    record: LogRun
     times: Array
     coordinates: Array
     speeds: Array
@@ -198,7 +198,7 @@ def _sections(share: float, count: int) -> tuple[tuple[float, Array], ...]:
     return tuple(sections)
 
 
-def smoothed(record: Record) -> Smoothed:
+def smoothed(record: LogRun) -> Smoothed:
     """A log on a grid with its own period, or FINEST, whose torques are averages over a period."""
     longest = float(np.clip(LONGEST[0] * (7.0 / record.njoint) ** 2, *LONGEST))
     period = max(record.period, FINEST, (record.times[-1] - record.times[0]) / longest)
@@ -227,14 +227,14 @@ def smoothed(record: Record) -> Smoothed:
     )
 
 
-def smoothed_together(records: Sequence[Record], model: LinearModel) -> tuple[Smoothed, ...]:
+def smoothed_together(records: Sequence[LogRun], model: LinearModel) -> tuple[Smoothed, ...]:
     """Logs of one robot on their grids, each with the joints that are held in it and not in all."""
     logs = [smoothed(record) for record in records]
     held = _held(logs, model)
     return tuple(replace(own, held=each & ~held.all(axis=0)) for own, each in zip(logs, held, strict=True))
 
 
-def smoothed_beside(logs: Sequence[Smoothed], record: Record, model: LinearModel) -> Smoothed:
+def smoothed_beside(logs: Sequence[Smoothed], record: LogRun, model: LinearModel) -> Smoothed:
     """Another log of that robot on its grid, through their filter, with the joints that are held in it and not in all
     of these `logs`.
     """
@@ -248,7 +248,7 @@ def _held(logs: Sequence[Smoothed], model: LinearModel) -> NDArray[np.bool_]:
     return np.array([model.held(np.ptp(own.coordinates, axis=0)) for own in logs])
 
 
-def _judged(record: Record, times: Array, moves: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _judged(record: LogRun, times: Array, moves: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Rows (nrow), at `times` in s, near which a joint `moves` (nrow x njoint) and whose neighbours were all read."""
     period = times[1] - times[0]
     reach = min(2 * max(1, round(AROUND / period)) + 1, len(times))

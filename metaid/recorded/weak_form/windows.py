@@ -16,7 +16,7 @@ from numpy.polynomial.polynomial import polyval
 from numpy.typing import NDArray
 
 from metaid.models import Array
-from metaid.recorded.reading.readings import Record
+from metaid.recorded.reading.readings import LogRun
 
 DEGREES = {0.06: 4, 0.1: 5, 0.15: 4, 0.2: 6, 0.25: 4, 0.35: 4, 0.3: 8, 0.5: 10}  # by length in s
 OVERLAP = 0.5  # of a window with the next
@@ -109,7 +109,7 @@ class LogWindows:
         averaged: Array = weights @ at_nodes.reshape(*at_nodes.shape[:2], -1)
         return averaged.reshape(len(at_nodes), len(TESTS), *at_nodes.shape[2:])
 
-    def torques(self, record: Record, delay: float) -> Array:
+    def torques(self, record: LogRun, delay: float) -> Array:
         """The averaged torque that was sent (nwindow x ntest x njoint), `delay` in s later than it is logged.  Eq. 65.
 
         A torque holds until the next is sent.
@@ -135,7 +135,7 @@ def usual_degree(span: float) -> int:
     return DEGREES[min(DEGREES, key=lambda each: abs(np.log(each / span)))]
 
 
-def cut_windows(record: Record, span: float, power: int) -> LogWindows | None:
+def cut_windows(record: LogRun, span: float, power: int) -> LogWindows | None:
     """The windows of a log in which the robot moves; None where there is none with readings enough.
 
     In a window's own time s, from −1 to 1, the angles are a sum of Legendre polynomials.
@@ -185,7 +185,7 @@ def cut_windows(record: Record, span: float, power: int) -> LogWindows | None:
     )
 
 
-def _fitted(record: Record, middles: Array, span: float, power: int) -> tuple[Array, Array, NDArray[np.intp]]:
+def _fitted(record: LogRun, middles: Array, span: float, power: int) -> tuple[Array, Array, NDArray[np.intp]]:
     """The polynomials of all windows: coefficients (nwindow x power + 1 x njoint) in rad or m, variances of what they
     leave of the readings (nwindow x njoint), and how many these are (nwindow), 0 where they are too few or too far
     apart.
