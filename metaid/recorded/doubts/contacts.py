@@ -86,7 +86,7 @@ def _moments(equations: Equations, is_far: NDArray[np.bool_]) -> Iterator[tuple[
     for log, middles in enumerate(equations.middles):
         at = middles[is_far[first : first + len(middles)]]
         first += len(middles)
-        for each in np.split(at, np.flatnonzero(np.diff(at) > 2.0 * AROUND) + 1):
+        for each in np.split(at, np.flatnonzero(np.diff(at) > 2.0 * (AROUND + half)) + 1):
             if len(each):
                 yield log, float(each[0]) - half, float(each[-1]) + half
 
