@@ -158,7 +158,7 @@ def test_deviation_shrinks_with_every_trial_and_ends_at_the_estimate(estimated: 
     axes = figures.plot_growth(found, robot.true_values(robot.estimated), Figure().subplots())
     deviations, errors = axes.get_lines()
     assert len(deviations.get_xdata()) <= 7
-    assert deviations.get_xdata()[-1] == found.trials == 32
+    assert deviations.get_xdata()[-1] == found.trials == 12
     drawn = np.asarray(deviations.get_ydata(), dtype=float)
     assert (np.diff(drawn) < 0.0).all()
     assert drawn[-1] == pytest.approx(100.0 * found.estimate.deviations.max(), rel=1e-3)
