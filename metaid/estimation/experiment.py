@@ -162,6 +162,11 @@ class Experiment:
 
     # What trials say.
 
+    @property
+    def refines(self) -> bool:
+        """Whether an estimate of some trials leads to that of more in a step or two."""
+        return self.loop is None or self.unknowns.leads_on
+
     def estimate(self, trials: Sequence[Any], start: Found | None = None, thorough: bool = True) -> Any:
         """What all `trials` say; None where they showed nothing, or no robot shows what they did.
 
@@ -206,7 +211,7 @@ class Experiment:
         """What is `compared` says of the robot; None where no robot shows what was seen."""
         if isinstance(compared, Innovations) and self.torque_noise is not None:
             return fit_with_torque_noise(compared, begin, self.torque_noise)
-        found: Found | None = fit(compared, begin, restarts, refines=self.loop is None or self.unknowns.leads_on)
+        found: Found | None = fit(compared, begin, restarts, refines=self.refines)
         return found
 
     def unmodelled(self, trials: Sequence[Any], estimate: Found) -> list[Unmodelled]:

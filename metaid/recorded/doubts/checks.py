@@ -31,10 +31,11 @@ from metaid.recorded.doubts.conventions import (
 )
 from metaid.recorded.doubts.falling import falling_torques, named_as_falling
 from metaid.recorded.doubts.odd_logs import odd_log
+from metaid.recorded.doubts.scales import BESIDE
 from metaid.recorded.doubts.units import units_of
 from metaid.recorded.estimating import RecordedEstimate
 from metaid.recorded.given import Option
-from metaid.recorded.weak_form.equations import first_equations
+from metaid.recorded.weak_form.equations import Equations, first_equations
 from metaid.recorded.weak_form.normal import FAR_ZERO
 
 SPANS = (0.2, 0.3, 0.1, 0.5)  # s: lengths of windows, the first that fit
@@ -59,9 +60,12 @@ def facts_of(found: RecordedEstimate, measured: Absolute | None = None) -> tuple
         return (odd,)
     dead = found.model.passive & ~found.equations.held & (found.held_out.by_joint > DRIVEN)
     driven = tuple(_driven(name) for name in found.model.named(dead))
-    check = _thinned(found, absolute_of(found.model) if measured is None else measured)
-    named = driven if check is None else (*_confirmed(check, found), *driven)
-    contact = None if named else contacts(found)
+    plain = first_equations(found.logs, found.model.with_friction(BESIDE), SPANS)
+    if plain is None:
+        return driven
+    check = _thinned(found, plain, absolute_of(found.model) if measured is None else measured)
+    named = *_confirmed(check, found), *driven
+    contact = None if named else contacts(found, plain)
     return named if contact is None else (contact,)
 
 
@@ -170,16 +174,10 @@ def _both(every: Sequence[Suspected], usual: Array, below: float) -> Fact | None
     return least.fact if least is not None and least.left < below else None
 
 
-def _thinned(found: RecordedEstimate, measured: Absolute) -> Check | None:
-    """Few windows of logs that are `measured` so, with the plainest friction; None where there are too few. Nothing is
-    held against the torque of a joint that is held.
-    """
-    model = found.model.with_friction(("viscous", "coulomb", "offset"))
+def _thinned(found: RecordedEstimate, every: Equations, measured: Absolute) -> Check:
+    """Few of all windows of logs that are `measured` so. Nothing is held against the torque of a joint that is held."""
     # What is wrong moves the zeros that are fitted beside it, too.
     zeros = found.zeros if np.abs(found.zeros).max(initial=0.0) < FAR_ZERO else np.zeros_like(found.zeros)
-    every = first_equations(found.logs, model, SPANS)
-    if every is None:
-        return None
     stride = max(1, every.nwindow // MOST)
     parts = []
     for part in every.parts:
@@ -187,6 +185,6 @@ def _thinned(found: RecordedEstimate, measured: Absolute) -> Check | None:
         few = windows.only(np.arange(0, len(windows), min(stride, max(1, len(windows) // 3))))
         moved = replace(few, coordinates=few.coordinates + zeros[part.log])
         parts.append(replace(part, windows=moved))
-    trusted = replace(model, untrusted=model.untrusted | every.held)
+    trusted = replace(every.model, untrusted=every.model.untrusted | every.held)
     few_windows = replace(every, model=trusted, parts=tuple(parts), scale=found.scale, delay=found.delay)
     return Check(few_windows, measured)

@@ -18,10 +18,8 @@ from metaid.models import Array
 from metaid.recorded.doubts.conventions import LOST, Fact
 from metaid.recorded.estimating import RecordedEstimate
 from metaid.recorded.given import Option
-from metaid.recorded.weak_form.equations import Equations, first_equations
+from metaid.recorded.weak_form.equations import Equations
 
-TERMS = ("viscous", "coulomb", "offset")
-SPANS = (0.2, 0.3, 0.1, 0.5)  # s: lengths of windows, the first that fit
 ROUNDS = 30
 RIDGE = 1e-4  # of what a column is: what no window tells stays small
 FAINT = 0.02  # of a joint's torque: windows that leave less count alike
@@ -32,15 +30,13 @@ AROUND = 0.3  # s on either side, to be left out
 MISSED = 0.03  # of a joint's torque, that is left at least
 
 
-def contacts(found: RecordedEstimate) -> Fact | None:
-    """The joint of which far the most that is left is within moments, and when; None where there is none. Gears,
-    friction and noise miss a little all the time.
+def contacts(found: RecordedEstimate, equations: Equations) -> Fact | None:
+    """The joint of which far the most that is left is within moments, and when, by `equations` with plain friction;
+    None where there is none. Gears, friction and noise miss a little all the time.
     """
-    model, held = found.model, found.held_out
-    driven = ~(model.untrusted | model.passive | found.equations.held)
+    held, driven = found.held_out, found.equations.driven
     may = held.by_joint[driven] > MISSED
-    equations = first_equations(found.logs, model.with_friction(TERMS), SPANS) if may.any() else None
-    if equations is None:
+    if not may.any():
         return None
     left = _left(replace(equations, delay=found.delay), driven)
     far = left > FAR * np.maximum(np.median(left, axis=0), FAINT)
@@ -58,7 +54,7 @@ def contacts(found: RecordedEstimate) -> Fact | None:
         if len(moments) == 1
         else f"within {len(moments)} moments, as of a hand, an end stop or a contact"
     )
-    text = f"{1.0 - rest[joint]:.0%} of what is left of joint {np.array(model.joints)[driven][joint]} is {when}: "
+    text = f"{1.0 - rest[joint]:.0%} of what is left of joint {found.model.named(driven)[joint]} is {when}: "
     return Fact((text, tuple(_left_out(names[log], begin, end) for log, begin, end in moments)))
 
 

@@ -18,7 +18,7 @@ def falling_torques(check: Check, usual: Array) -> NDArray[np.bool_]:
     """
     equations, free = check.equations, check.free
     model, values = equations.model, equations.solution.values
-    falling = ~(model.untrusted | model.passive | equations.held)
+    falling = equations.driven
     falling &= (usual >= WRONG) & (free < np.minimum(NAMED * usual, LOST))
     if not falling.any():
         return falling

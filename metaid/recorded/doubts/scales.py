@@ -18,7 +18,7 @@ FAR = 2.0  # a factor of all torques that is farther from 1 is taken for another
 CORRELATED = 6.0  # rows that say as much as one, for errors last
 EXPLAINS = 0.5  # of what friction leaves of a joint's torque, squared: bodies that explain less tell no factor
 ROUNDING = 1e-9  # of the largest torque of nominal bodies: what a joint needs or carries beside it is rounding
-BESIDE = ("viscous", "coulomb", "offset")
+BESIDE = ("viscous", "coulomb", "offset")  # the plainest friction
 
 
 @dataclass(frozen=True)

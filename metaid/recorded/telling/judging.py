@@ -130,13 +130,14 @@ def _against(found: RecordedEstimate, is_known: bool) -> Iterator[str]:
             f"worst in joint {model.joints[worst]} (allowed: {LARGEST_ERROR:.0%}): {advice}"
         )
         return
-    steady = _about_mean(found)
-    counts = ~(model.untrusted | model.passive | found.equations.held)
-    if np.linalg.norm(held.missed[counts]) > STEADY * np.linalg.norm(steady[counts]):
+    missed, steady, whole = (
+        float(np.linalg.norm(each[found.equations.driven])) for each in (held.missed, _about_mean(found), held.of)
+    )
+    if missed > STEADY * steady:
         yield (
             f"torques of {what} that were left out hardly change: a constant one predicts them as well as any body "
-            f"does, to within {float(np.linalg.norm(steady[counts]) / np.linalg.norm(held.of[counts])):.2%}, as of a "
-            "motor at its limit, or of a robot that a hand moves: let motors move it"
+            f"does, to within {steady / whole:.2%}, as of a motor at its limit, or of a robot that a hand moves: let "
+            "motors move it"
         )
         return
     driven = np.flatnonzero(model.passive & (_moving(found) > LARGEST_ERROR))

@@ -229,6 +229,11 @@ class Equations:
         reaches = [np.ptp(part.windows.coordinates, axis=(0, 1)) for part in self.parts]
         return self.model.held(np.max(reaches, axis=0))
 
+    @property
+    def driven(self) -> NDArray[np.bool_]:
+        """Which joints (njoint) have a motor whose torques say what moves them."""
+        return ~(self.model.untrusted | self.model.passive | self.held)
+
     def without(self, *folds: int) -> Solution:
         """The solution without the folds of these numbers, by the columns and weights of all."""
         solution, fewer = self.solution, self.blocks.without(*folds)

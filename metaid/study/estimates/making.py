@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import cache, partial
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -54,13 +54,9 @@ def estimate_of(experiment: Any, trials: tuple[Any, ...], by_others: int = 0) ->
     It is better begun from that of the first trials alone than from the nominal model: a few windows of one trial are
     soon fitted, all of many from there in a step or two, and squares of a motion that nearly coasts carry no sign.
     """
-
-    @cache
-    def begun(of: Any, count: int) -> Any:
-        return of.estimate(trials[:count])
-
     first = range(experiment.probes, min(experiment.probes + PROBED, len(trials)))
-    probed = next((early for count in first if (early := begun(experiment, count)) is not None), None)
+    early = (experiment.estimate(trials[:count]) for count in first)
+    probed = next((each for each in early if each is not None), None)
     estimate = experiment.estimate(trials, probed)
     if estimate is None:
         return None
@@ -81,31 +77,29 @@ def estimate_of(experiment: Any, trials: tuple[Any, ...], by_others: int = 0) ->
         searching.held_out(trials, estimate) if left and not experiment.counts else None,
         None if estimate.is_explained else experiment.proposed(trials, estimate),
     )
-    follows = probed is not None and experiment.unknowns.leads_on
-    early = (lambda count: searching.estimate(trials[:count], probed)) if follows else partial(begun, searching)
-    return replace(found, known_from=_known_from(found, searching, len(trials), early))
+    return replace(found, known_from=_known_from(found, searching, trials, probed if experiment.refines else None))
 
 
-def _known_from(found: StudyEstimate, experiment: Any, ntrial: int, early_of: Callable[[int], Any]) -> int | None:
+def _known_from(found: StudyEstimate, experiment: Any, trials: tuple[Any, ...], probed: Any) -> int | None:
     """How many of the first trials were enough for an estimate; None where that is not said.
 
     Args:
         found: of all trials.
         experiment: of the study, with all that was found.
-        ntrial: how many trials there are.
-        early_of: the estimate of so many of the first.
+        trials: as it has them.
+        probed: the estimate of the first of them, from where all others follow; None where each begins anew.
     """
     if not found.explains or experiment.counts:
         return None
     final, reach = found.estimate, CLOSE * experiment.unknowns.scale
 
     def is_enough(count: int) -> bool:
-        if count == ntrial:
+        if count == len(trials):
             return True
-        early = early_of(count)
+        early = experiment.estimate(trials[:count], probed, probed is None)
         return early is not None and bool(np.abs(early.unknowns - final.unknowns).max() <= reach)
 
-    return first_enough(experiment.probes, min(ntrial, FIRST_TRIALS), is_enough)  # fewer cannot tell all
+    return first_enough(experiment.probes, min(len(trials), FIRST_TRIALS), is_enough)  # fewer cannot tell all
 
 
 def first_enough(fewest: int, most: int, is_enough: Callable[[int], bool]) -> int | None:
