@@ -66,6 +66,15 @@ def test_speeds_of_a_joint_that_is_held_and_shaken_are_taken() -> None:
         read(log.assign(**{name: 1e3 * values for name, values in shaken.items()}))
 
 
+def test_wrong_rate_is_told_where_all_speeds_are_as_many_times_too_fast() -> None:
+    """Where they are not, a unit is wrong."""
+    log = clean().drop(columns="time")
+    with pytest.raises(RecordError, match=r"speed_1 is 4 times how fast .*, or --rate of about 200\)"):
+        read(log, rate=50.0)
+    with pytest.raises(RecordError, match=r"takes other units\)"):
+        read(log.assign(speed_2=4.0 * log["speed_2"]), rate=200.0)
+
+
 def test_column_that_says_radians_may_turn_many_times() -> None:
     """As that of a motor; one that says no unit may not."""
     log = clean().assign(angle_1=lambda frame: 60.0 * frame["angle_1"], speed_1=lambda frame: 60.0 * frame["speed_1"])

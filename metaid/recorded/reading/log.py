@@ -128,7 +128,7 @@ class Intake:
         runs = [rested(run) for run in timed]
         moving = [run for run in runs if (np.ptp(run.angles, axis=0) > 0.0).any()] or runs
         for run in moving:
-            refuse_implausible(run, self.slides, self.endless, self.needs_torques)
+            refuse_implausible(run, self.slides, self.endless, self.needs_torques, self.rate)
         still = len(runs) - len(moving)
         if still:
             moving[0] = moving[0].repaired("rest", still, f"{counted(still, 'run')} in which no joint moves left out")

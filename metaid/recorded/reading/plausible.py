@@ -17,6 +17,7 @@ SPINNING = 60.0  # rad/s: but one that turns without an end, slower than this, m
 CALM = 0.05  # of a joint's fastest speed: below it the ratio of two speeds says nothing
 ABOVE_NOISE = 5.0  # standard deviations
 FAR_FROM_ONE = 1.5  # between a speed and the change of its angle
+ALIKE = 0.1  # how much the ratios of several joints differ where their times are wrong
 SHAKEN = 0.01  # of how far the farthest joint of a log goes: one that goes no farther is held, and others shake it
 DEGREES = 180.0 / np.pi
 RADIANS = re.compile(r"\brad(ians?)?\b", re.IGNORECASE)  # in a column's own name
@@ -30,7 +31,11 @@ def refuse_few_rows(readings: LogRun) -> None:
 
 
 def refuse_implausible(
-    readings: LogRun, slides: NDArray[np.bool_], endless: NDArray[np.bool_] | bool, needs_torques: bool
+    readings: LogRun,
+    slides: NDArray[np.bool_],
+    endless: NDArray[np.bool_] | bool,
+    needs_torques: bool,
+    rate: float | None = None,
 ) -> None:
     """Raises RecordError where angles are in degrees, speeds are not how angles change, torques are all 0, or nothing
     moves.
@@ -40,10 +45,11 @@ def refuse_implausible(
         slides: which joints (njoint) are slides.
         endless: which joints (njoint) turn without an end.
         needs_torques: whether the torques must be in it.
+        rate: rows a second that the user says; None: the log has times.
     """
     _refuse_degrees(readings, slides, endless)
     if readings.speeds is not None:
-        _refuse_other_speeds(readings, readings.speeds)
+        _refuse_other_speeds(readings, readings.speeds, rate)
     if needs_torques and not readings.torques.any():
         raise RecordError(f"{readings.name}: every torque is 0, so nothing says how heavy the links are")
     if not (np.ptp(readings.angles, axis=0) > 0.0).any():
@@ -65,9 +71,27 @@ def _refuse_degrees(readings: LogRun, slides: NDArray[np.bool_], endless: NDArra
         )
 
 
-def _refuse_other_speeds(readings: LogRun, speeds: Array) -> None:
-    """Speeds that are not how fast the angles change, over a tenth of a second or so. Changes within the noise of the
-    sensors say nothing of speeds, nor does a joint that is held.
+def _refuse_other_speeds(readings: LogRun, speeds: Array, rate: float | None) -> None:
+    """Speeds that are not how fast the angles change. Where all are as many times that, a `rate` that the user says may
+    be wrong.
+    """
+    ratios = _ratios(readings, speeds)
+    for joint, ratio in ratios.items():
+        if not 1.0 / FAR_FROM_ONE < ratio < FAR_FROM_ONE:
+            is_near = abs(abs(np.log(max(abs(ratio), 1e-9))) - np.log(DEGREES)) < 0.4
+            unit = ", which looks like degrees" if is_near else ""
+            alike = ratio > 0.0 and all(abs(other / ratio - 1.0) < ALIKE for other in ratios.values())
+            other_rate = f", or --rate of about {rate * ratio:.3g}" if rate is not None and alike else ""
+            raise RecordError(
+                f"{readings.name}: {readings.names['speed'][joint]} is {ratio:.3g} times how fast "
+                f"{readings.names['angle'][joint]} changes{unit} (allowed: rad and rad/s; --map "
+                f"OWN=speed:rpm takes other units{other_rate})"
+            )
+
+
+def _ratios(readings: LogRun, speeds: Array) -> dict[int, float]:
+    """By joint how many times its speed is how fast its angle changes, over a tenth of a second or so. Changes within
+    the noise of the sensors say nothing of speeds, nor does a joint that is held.
     """
     times, angles, period = readings.times, readings.angles, readings.period
     stride = max(1, round(0.05 / period))
@@ -75,18 +99,11 @@ def _refuse_other_speeds(readings: LogRun, speeds: Array) -> None:
     mean = np.cumsum(0.5 * (speeds[1:] + speeds[:-1]) * np.diff(times)[:, None], axis=0)
     said, seen = mean[stride::stride] - mean[:-stride:stride], angles[1:][stride::stride] - angles[1:][:-stride:stride]
     reach = np.ptp(angles, axis=0)
+    ratios = {}
     for joint in np.flatnonzero(reach > SHAKEN * reach.max()).tolist():
         size, least = np.abs(seen[:, joint]), ABOVE_NOISE * noise[joint]
         moving = size > max(CALM * size.max(), least)
         # where few changes are beyond the noise, these are those that the noise has made larger
-        if not moving.any() or not seen[moving, joint].any() or np.quantile(size, 0.95) < 2.0 * least:
-            continue
-        ratio = float(np.median(said[moving, joint] / seen[moving, joint]))
-        if not 1.0 / FAR_FROM_ONE < ratio < FAR_FROM_ONE:
-            is_near = abs(abs(np.log(max(abs(ratio), 1e-9))) - np.log(DEGREES)) < 0.4
-            unit = ", which looks like degrees" if is_near else ""
-            raise RecordError(
-                f"{readings.name}: {readings.names['speed'][joint]} is {ratio:.3g} times how fast "
-                f"{readings.names['angle'][joint]} changes{unit} (allowed: rad and rad/s; --map "
-                "OWN=speed:rpm takes other units)"
-            )
+        if moving.any() and seen[moving, joint].any() and np.quantile(size, 0.95) >= 2.0 * least:
+            ratios[joint] = float(np.median(said[moving, joint] / seen[moving, joint]))
+    return ratios
