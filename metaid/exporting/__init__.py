@@ -8,4 +8,4 @@ from metaid.exporting.dynamics import Dynamics, arm_dynamics, chain_dynamics
 from metaid.exporting.identified import SUFFIXES, IdentifiedModel
 from metaid.exporting.laws import ArmLaw
 from metaid.exporting.reading_back import file_torques
-from metaid.exporting.xml_files import couples_of, mjcf, not_in_urdf, not_in_xml, springs_of, urdf
+from metaid.exporting.xml_files import mjcf, not_in_urdf, not_in_xml, urdf

@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.exporting.laws import ArmLaw, ChainLaw, Law
-from metaid.exporting.xml_files import Couple
 from metaid.models import FRICTION, SLIDING, Array, Chain, Lumps, chain_of_lumps
-from metaid.models.tree import PARAMETERS, ArmPrior, JointFriction, Spring, Tree, planar_tree, possible_bodies
+from metaid.models.tree import PARAMETERS, ArmPrior, JointFriction, Tree, planar_tree, possible_bodies
 
 EXACT = 1e-9  # by which lumps may differ from a chain's: rounding
 _PARTS = ("rotor", "damping", "coulomb")
@@ -29,8 +28,7 @@ class Dynamics:
         chain: the same as a planar chain; None of an arm, or where there is none.
         notes: what to know of the bodies, in sentences without a full stop.
         is_chain: whether it is a planar chain, and no arm.
-        couples: motors of the links that turn with the sum of two joints.
-        springs: in the joints.
+        friction: whose springs and coupled motors the links have, in files that can hold these; None for none.
         besides: what was found beside it and no file has, in a sentence without a full stop; none where it is empty.
     """
 
@@ -39,8 +37,7 @@ class Dynamics:
     chain: Chain | None
     notes: tuple[str, ...]
     is_chain: bool
-    couples: tuple[Couple, ...] = ()
-    springs: tuple[Spring, ...] = ()
+    friction: JointFriction | None = None
     besides: str = ""
 
 

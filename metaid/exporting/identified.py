@@ -156,8 +156,8 @@ class IdentifiedModel:
         if suffix == ".toml" and tree.rotor.any():
             said.append("rotors are not in a plant file")
         if suffix == ".urdf":
-            said += not_in_urdf(tree, self.dynamics.couples)
-        return said + without_springs(tree, self.dynamics.springs if suffix in (".urdf", ".toml") else ())
+            said += not_in_urdf(tree, self.dynamics.friction)
+        return said + without_springs(tree, self.dynamics.friction if suffix in (".urdf", ".toml") else None)
 
     def write(self, path: str | Path) -> None:
         """Writes a file: its ending says which of SUFFIXES.  Raises StudyError where there is no such file of it."""
@@ -202,8 +202,8 @@ class IdentifiedModel:
 
 
 def _mjcf(model: IdentifiedModel) -> str:
-    besides = model.dynamics.couples, model.dynamics.springs
-    return mjcf(model.tree, printable(model.name), model.timestep, model.heading(".xml"), *besides)
+    heading, friction = model.heading(".xml"), model.dynamics.friction
+    return mjcf(model.tree, printable(model.name), model.timestep, heading, friction)
 
 
 def _urdf(model: IdentifiedModel) -> str:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
@@ -19,37 +18,24 @@ RIGID = 0.99  # impedance of dry friction (solimp); MuJoCo's own 0.9 lets a ligh
 _MOMENTS = (0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)
 
 
-@dataclass(frozen=True)
-class Couple:
-    """A motor that turns with the sum of two joints, as an MJCF can hold it.
-
-    Attributes:
-        joints: the two, from 0 on.
-        rotor: its inertia, in kg m².
-        viscous: its friction by the speed, in N m s.
-        coulomb: its dry friction, in N m.
-    """
-
-    joints: tuple[int, int]
-    rotor: float
-    viscous: float
-    coulomb: float
-
-
-def springs_of(friction: JointFriction) -> tuple[Spring, ...]:
+def _springs(friction: JointFriction | None) -> list[Spring]:
     """The springs beside a `friction`; a constant torque in their joints moves where they are slack."""
+    if friction is None:
+        return []
     stiffness, offset = friction.of("spring"), friction.of("offset")
     joints = np.flatnonzero(stiffness)
     slack = -offset[joints] / stiffness[joints]
-    return tuple(map(Spring, joints.tolist(), stiffness[joints].tolist(), slack.tolist()))
+    return list(map(Spring, joints.tolist(), stiffness[joints].tolist(), slack.tolist()))
 
 
-def couples_of(friction: JointFriction) -> tuple[Couple, ...]:
-    """The coupled motors of a `friction`, without their friction by the root of the speed."""
-    n = friction.sliding.njoint
-    columns = (friction.coupled_rotor, friction.of("viscous")[n:], friction.of("coulomb")[n:])
-    rows = zip(friction.sliding.coupled, *(values.tolist() for values in columns), strict=True)
-    return tuple(Couple(*row) for row in rows)
+def _couples(tree: Tree, friction: JointFriction | None) -> Iterator[tuple[tuple[str, str], list[float]]]:
+    """Of each motor that turns with the sum of two joints their names, the inertia of its rotor, in kg m², and its
+    viscous and dry friction, in N m s and N m; none of friction by the root of the speed.
+    """
+    if friction is not None:
+        columns = friction.coupled_rotor, *(friction.of(term)[tree.njoint :] for term in ("viscous", "coulomb"))
+        for (first, second), *row in zip(friction.sliding.coupled, *(each.tolist() for each in columns), strict=True):
+            yield (tree.names[first], tree.names[second]), row
 
 
 def not_in_xml(friction: JointFriction) -> list[str]:
@@ -69,8 +55,7 @@ def mjcf(
     name: str,
     timestep: float,
     heading: Sequence[str],
-    couples: Sequence[Couple] = (),
-    springs: Sequence[Spring] = (),
+    friction: JointFriction | None = None,
 ) -> str:
     """An MJCF that MuJoCo loads as it is. A motor that turns with the sum of two joints is a fixed tendon over both.
 
@@ -82,10 +67,9 @@ def mjcf(
         name: of the model.
         timestep: in s.
         heading: lines of the comment at the top.
-        couples: motors that turn with the sum of two joints.
-        springs: in joints.
+        friction: whose springs and coupled motors it has besides the tree.
     """
-    root, sprung = Element("mujoco", model=name), {spring.joint: spring for spring in springs}
+    root, sprung = Element("mujoco", model=name), {spring.joint: spring for spring in _springs(friction)}
     SubElement(root, "compiler", angle="radian", autolimits="true")
     SubElement(root, "option", timestep=_text(timestep), gravity=_text(*tree.gravity), integrator="Euler")
     body = SubElement(root, "worldbody")
@@ -105,23 +89,23 @@ def mjcf(
         if i in sprung:
             joint.set("stiffness", _text(sprung[i].stiffness))
             joint.set("springref", _text(sprung[i].slack))
-        _set_moved(joint, tree.rotor[i], tree.damping[i], tree.coulomb[i], timestep)
+        _set_moved(joint, (tree.rotor[i], tree.damping[i], tree.coulomb[i]), timestep)
+    couples = list(_couples(tree, friction))
     tendons = SubElement(root, "tendon") if couples else root
-    for couple in couples:
-        first, second = (tree.names[joint] for joint in couple.joints)
+    for (first, second), resisting in couples:
         tendon = SubElement(tendons, "fixed", name=f"{first}+{second}")
-        _set_moved(tendon, couple.rotor, couple.viscous, couple.coulomb, timestep)
+        _set_moved(tendon, resisting, timestep)
         for each in (first, second):
             SubElement(tendon, "joint", joint=each, coef="1")
     return _written(root, heading)
 
 
-def _set_moved(moved: Element, rotor: float, viscous: float, coulomb: float, timestep: float) -> None:
-    """Says what resists a joint or a tendon; what is 0 is left out."""
-    for key, value in (("armature", rotor), ("damping", viscous), ("frictionloss", coulomb)):
+def _set_moved(moved: Element, resisting: Sequence[float], timestep: float) -> None:
+    """Says what resists a joint or a tendon, a rotor, viscous and dry friction; what is 0 is left out."""
+    for key, value in zip(("armature", "damping", "frictionloss"), resisting, strict=True):
         if value:
             moved.set(key, _text(value))
-    if coulomb:
+    if resisting[-1]:
         moved.set("solreffriction", _text(2.0 * timestep, 1.0))
         moved.set("solimpfriction", _text(RIGID, RIGID))
 
@@ -161,13 +145,13 @@ def urdf(tree: Tree, name: str, heading: Sequence[str]) -> str:
     return _written(root, heading)
 
 
-def without_springs(tree: Tree, springs: Sequence[Spring]) -> list[str]:
-    """What a file that holds no `springs` lacks, in sentences without a full stop."""
-    named = ((tree.names[each.joint], each.text(bool(tree.slides[each.joint]))) for each in springs)
+def without_springs(tree: Tree, friction: JointFriction | None) -> list[str]:
+    """What a file lacks that holds no springs, in sentences without a full stop."""
+    named = ((tree.names[each.joint], each.text(bool(tree.slides[each.joint]))) for each in _springs(friction))
     return [f"this file has no springs; joint {name} has one of {text}" for name, text in named]
 
 
-def not_in_urdf(tree: Tree, couples: Sequence[Couple] = ()) -> list[str]:
+def not_in_urdf(tree: Tree, friction: JointFriction | None = None) -> list[str]:
     """What a URDF cannot say of a `tree` and of motors that turn with the sum of two joints, in sentences."""
     said = []
     if tree.rotor.any():
@@ -177,11 +161,10 @@ def not_in_urdf(tree: Tree, couples: Sequence[Couple] = ()) -> list[str]:
             if value
         )
         said.append(f"a URDF has no inertia of rotors; add to the mass matrix: {rotors}")
-    for couple in couples:
-        first, second = (tree.names[joint] for joint in couple.joints)
+    for (first, second), (rotor, viscous, coulomb) in _couples(tree, friction):
         said.append(
-            f"a URDF has no motor that turns with the sum of {first} and {second}; it has {couple.rotor:.6g} kg m², "
-            f"viscous friction {couple.viscous:.6g} N m s, dry friction {couple.coulomb:.6g} N m"
+            f"a URDF has no motor that turns with the sum of {first} and {second}; it has {rotor:.6g} kg m², "
+            f"viscous friction {viscous:.6g} N m s, dry friction {coulomb:.6g} N m"
         )
     if not np.allclose(tree.gravity, STANDARD_GRAVITY, rtol=0.0, atol=1e-12):
         said.append(f"a URDF has no gravity; it is {_text(*tree.gravity)} m/s² in the frame of the base")

@@ -17,12 +17,10 @@ from random_arm import arm_named
 from metaid.exporting import (
     ArmLaw,
     chain_dynamics,
-    couples_of,
     file_torques,
     mjcf,
     not_in_urdf,
     not_in_xml,
-    springs_of,
     urdf,
 )
 from metaid.models import Array
@@ -202,7 +200,7 @@ def test_mjcf_with_coupled_joints_and_springs_predicts_what_the_formula_says(tmp
     friction = plain(FRICTIONS["everything"])
     tree = replace(PUMA, damping=friction.of("viscous")[:6], coulomb=friction.of("coulomb")[:6])
     path = tmp_path / "arm.xml"
-    path.write_text(mjcf(tree, "arm", 0.002, ["an arm"], couples_of(friction), springs_of(friction)), encoding="utf-8")
+    path.write_text(mjcf(tree, "arm", 0.002, ["an arm"], friction), encoding="utf-8")
     random = np.random.default_rng(2)
     q, a = random.uniform(-0.5, 0.5, (2, 30, 6))
     v = random.uniform(0.5, 1.0, (30, 6)) * random.choice([-1.0, 1.0], (30, 1))
@@ -219,7 +217,7 @@ def test_urdf_predicts_the_same_without_rotors_in_the_gravity_that_it_is_given(t
     viscous_and_dry = JointFriction.simple(friction.of("viscous")[:6], coulomb, friction.sliding.still)
     tree = replace(PUMA, damping=friction.of("viscous")[:6], coulomb=coulomb, gravity=np.array([0.0, 9.81, 0.0]))
     path = tmp_path / "arm.urdf"
-    path.write_text(urdf(tree, "arm", not_in_urdf(tree, couples_of(friction))), encoding="utf-8")
+    path.write_text(urdf(tree, "arm", not_in_urdf(tree, friction)), encoding="utf-8")
     random = np.random.default_rng(2)
     q, v, a = random.uniform(0.3, 0.8, (3, 30, 6))
     found = file_torques(path, "arm", q, v, a, tree.names, tree.gravity).torques

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from metaid.exporting import ArmLaw, Dynamics, couples_of, not_in_xml, springs_of
+from metaid.exporting import ArmLaw, Dynamics, not_in_xml
 from metaid.models import IDEAL, Chain, chain_of_lumps
 from metaid.models.tree import Tree
 from metaid.recorded.estimating import RecordedEstimate
@@ -32,8 +32,7 @@ def dynamics_of(found: RecordedEstimate) -> Dynamics:
         chain=None if found.model.chain is None else _chain(found, found.model.chain, simulator),
         notes=tuple(notes),
         is_chain=found.model.is_chain,
-        couples=couples_of(plain),
-        springs=springs_of(plain),
+        friction=plain,
     )
 
 
