@@ -9,7 +9,7 @@ import pytest
 from watched import GRAVITY, NOISE, TIMESTEP, raised, watched
 
 from metaid.estimation import ChainLaws, LogUnknowns, Readings, fit
-from metaid.estimation.noisy.polynomials import eliminate
+from metaid.estimation.noisy.polynomials import eliminated
 from metaid.models import ChainModel
 from metaid.plant import FaultSettings
 
@@ -108,8 +108,8 @@ def test_eliminating_start_speeds_is_the_same_as_searching_them() -> None:
     npush, nvalue, count, speeds = 3, 8, 4, 2
     values, whitened = random.normal(size=(npush, nvalue)), random.normal(size=(npush, speeds))
     slopes = random.normal(size=(npush, nvalue, count + speeds))
-    reduced, reduced_slopes, following = eliminate(values, slopes, whitened, count)
-    step = np.linalg.lstsq(reduced_slopes, -reduced)[0]
+    reduced = eliminated((values, slopes), whitened, npush)
+    step = np.linalg.lstsq(reduced.slopes, -reduced.values)[0]
 
     whole = np.zeros((npush * (nvalue + speeds), count + npush * speeds))
     target = np.zeros(len(whole))
@@ -121,4 +121,4 @@ def test_eliminating_start_speeds_is_the_same_as_searching_them() -> None:
         target[rows : rows + nvalue + speeds] = -np.concatenate([values[push], whitened[push]])
     expected = np.linalg.lstsq(whole, target)[0]
     assert np.allclose(step, expected[:count])
-    assert np.allclose(following @ np.append(1.0, step), expected[count:])
+    assert np.allclose(reduced.following @ np.append(1.0, step), expected[count:])

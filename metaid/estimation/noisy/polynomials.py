@@ -65,24 +65,21 @@ def in_polynomials(readings: Array, steps: NDArray[np.int64], basis: Array) -> A
     return np.asarray(np.einsum("ptk,ptj->pjk", basis, readings * belong[..., None]), dtype=np.float64)
 
 
-def eliminate(values: Array, slopes: Array, whitened: Array, count: int) -> tuple[Array, Array, Array]:
-    """Residuals, their derivatives by the unknowns of all pushes, and the rows of `Residuals.following`, with what is
-    unknown of the start of each push where it serves best.
+def eliminated(compared: Compared, whitened: Array, pushes: int) -> Residuals:
+    """The residuals of a trial of which so many `pushes` were seen, by what was `compared`; what each push has alone,
+    `whitened` (npush x nextra), where it serves best.
 
-    With r the residuals of a push, J and S their derivatives by those unknowns and by its whitened start speeds u, an
-    orthogonal transformation turns the rows [S J r] and [1 0 u] so that S is triangular and zero below: there the rest
-    is free of it, and above it says what u follows.  Eq. 34.
-
-    Args:
-        values: residuals (npush x nvalue).
-        slopes: their derivatives (npush x nvalue x nunknown + nextra), those by what a push alone has last.
-        whitened: that (npush x nextra), scaled by its spread.
-        count: of the unknowns of all pushes.
+    With r the residuals of a push, J and S their derivatives by the unknowns of all pushes and by its whitened start
+    speeds u, an orthogonal transformation turns the rows [S J r] and [1 0 u] so that S is triangular and zero below:
+    there the rest is free of it, and above it says what u follows.  Eq. 34.
     """
-    npush, nvalue, width = slopes.shape
-    speeds = width - count
+    values, slopes = compared
+    (npush, nvalue, width), speeds = slopes.shape, whitened.shape[1]
+    count, total = width - speeds, pushes * nvalue
+    cost = 0.5 * float((values**2).sum() + (whitened**2).sum())
     if speeds == 0:
-        return values.ravel(), slopes.reshape(values.size, count), np.empty((0, 1 + count))
+        left = values.ravel(), slopes.reshape(values.size, count)
+        return Residuals(*left, cost, total, np.empty((0, 1 + count)))
     rows = np.zeros((npush, nvalue + speeds, width + 1))
     rows[:, :nvalue, :speeds], rows[:, :nvalue, speeds:-1] = slopes[..., count:], slopes[..., :count]
     rows[:, nvalue:, :speeds] = np.eye(speeds)
@@ -91,17 +88,7 @@ def eliminate(values: Array, slopes: Array, whitened: Array, count: int) -> tupl
     above = np.linalg.solve(reduced[:, :speeds, :speeds], reduced[:, :speeds, speeds:])
     following = -np.concatenate([above[..., -1:], above[..., :-1]], axis=-1)
     below = reduced[:, speeds:, speeds:].reshape(-1, count + 1)
-    return below[:, -1], below[:, :-1], following.reshape(-1, 1 + count)
-
-
-def eliminated(compared: Compared, whitened: Array, pushes: int) -> Residuals:
-    """The residuals of a trial of which so many `pushes` were seen, by what was `compared`; what each push has alone,
-    `whitened` (npush x nextra), where it serves best.
-    """
-    values, slopes = compared
-    cost = 0.5 * float((values**2).sum() + (whitened**2).sum())
-    left, by_unknowns, following = eliminate(values, slopes, whitened, slopes.shape[2] - whitened.shape[1])
-    return Residuals(left, by_unknowns, cost, pushes * values.shape[1], following)
+    return Residuals(below[:, -1], below[:, :-1], cost, total, following.reshape(-1, 1 + count))
 
 
 def together(trials: Sequence[Residuals]) -> Residuals:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from metaid.estimation.descent import Place, triangle
 from metaid.estimation.noisy.innovations import Innovations
 from metaid.estimation.noisy.unmodelled import by_chance, least_squares
 from metaid.estimation.trials import ReadTrial
@@ -81,7 +82,7 @@ def _set_level(scan: Scan, levels: dict[int, int], joint: int, n: int) -> None:
 @dataclass(frozen=True)
 class Scan:
     """Innovations of all trials and how they change with the unknowns (`nunknown`), of which the priors are known, and
-    with `count` further torques, as one triangular system: values + slopes @ step.
+    with `count` further torques, as one triangular system: values + slopes @ step, but for what no step changes.
     """
 
     slopes: Array
@@ -93,7 +94,9 @@ class Scan:
         return int(self.slopes.shape[1]) - self.nunknown
 
     def left_by(self, torques: Iterable[int]) -> tuple[float, Array]:
-        """The sum of squares that is left with the further `torques` of these numbers, and their sizes."""
+        """The sum of squares that is left with the further `torques` of these numbers, but for what no unknown changes,
+        and their sizes.
+        """
         chosen = [*range(self.nunknown), *(self.nunknown + number for number in torques)]
         left, step, _ = least_squares(self.slopes[:, chosen], self.values)
         return left, step[self.nunknown :]
@@ -106,12 +109,10 @@ def _scan(led: Innovations, point: Array, columns: Sequence[Array]) -> Scan | No
     residuals = led.residuals_with(point, columns)
     if residuals is None:
         return None
-    count = len(led.spreads)
-    prior = np.diag(np.append(1.0 / led.spreads, np.zeros(len(columns[0]))))[:count]
-    slopes = np.vstack([residuals.slopes, prior])
-    values = np.append(residuals.values, point[:count] / led.spreads)
-    triangular = np.asarray(np.linalg.qr(np.column_stack([slopes, values]), mode="r"))
-    return Scan(triangular[:, :-1], triangular[:, -1], count)
+    count, torques = len(led.spreads), np.zeros(len(columns[0]))
+    place = Place(np.append(point[:count], torques), residuals, residuals.cost)
+    slopes, target = triangle(place, np.append(led.spreads, torques + np.inf))
+    return Scan(slopes, -target, count)
 
 
 def _waves(trial: ReadTrial) -> Array:
