@@ -36,13 +36,9 @@ def refuse_absurd_sizes(path: Path) -> None:
 
 def refuse_files_outside(path: Path, folder: Path) -> None:
     """Raises PlantError where an MJCF or URDF, or a file that it names, lies outside a `folder`, by a link or not."""
-    for place in chain([path], _named_by(path)):
+    for place in chain([path], _Asked(path).files()):
         if not place.resolve().is_relative_to(folder.resolve()):
             raise PlantError(f"{path}: {place} is outside the study's own folder (allowed: files within it)")
-
-
-def _named_by(path: Path) -> Iterator[Path]:
-    yield from _Asked(path).files()
 
 
 class _Asked:
