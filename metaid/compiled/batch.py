@@ -72,16 +72,6 @@ def laws_of(episode: Episode, gravity: float, candidates: Lumps) -> Laws:
 
     Copies, all of one layout: the loop would be compiled anew for any other.
     """
-
-    def copied(lumps: Array) -> Array:
-        return np.array(lumps, order="C")
-
-    damping, coulomb, inertia = (copied(candidates.of(kind)) for kind in ("damping", "coulomb", "inertia"))
-    return (
-        copied(gravity * candidates.gravity),
-        copied(candidates.coriolis),
-        damping,
-        coulomb,
-        inertia,
-        episode.springs,
-    )
+    others = (candidates.of(kind) for kind in ("damping", "coulomb", "inertia"))
+    lumps = gravity * candidates.gravity, candidates.coriolis, *others
+    return (*(np.array(each, order="C") for each in lumps), episode.springs)  # type: ignore[return-value]

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.models import FRICTION, SLIDING, Array, ChainModel
-from metaid.models.tree import PARAMETERS, JointFriction, Tree, body_torque, inertia_matrices, joint_mass_matrix
+from metaid.models.tree import PARAMETERS, JointFriction, Tree, inertia_matrices, joint_mass_matrix, rigid_torque
 
 Constants = Mapping[str, Array | NDArray[np.bool_] | NDArray[np.intp]]
 _ROTOR = PARAMETERS.index("rotor")
@@ -48,11 +48,7 @@ class _Written(ABC):
 
 @dataclass(frozen=True)
 class ChainLaw(_Written, ChainModel):
-    """The law of a chain's lumps.  Eqs. 5, 6 and 12.  `rotor` (njoint), in kg m²: the reflected inertia of what turns
-    with a joint, and not with a link.
-    """
-
-    rotor: Array | float = 0.0
+    """The law of a chain's lumps.  Eqs. 5, 6 and 12."""
 
     kind: ClassVar[str] = "chain"
 
@@ -60,10 +56,6 @@ class ChainLaw(_Written, ChainModel):
     def njoint(self) -> int:
         """How many joints it is for."""
         return self.lumps.nlink
-
-    def mass_matrix(self, angles: Array) -> Array:
-        """In joint coordinates (... x njoint x njoint), in kg m², at joint `angles` (... x njoint)."""
-        return super().mass_matrix(angles) + self.rotor * np.eye(self.njoint)
 
     @property
     def has_inertia(self) -> bool:
@@ -107,26 +99,21 @@ class ArmLaw(_Written):
         angles and speeds (... x njoint each); dry friction is what the speeds alone say.
         """
         friction, steady = self.friction, np.zeros_like(speeds)
-        rigid = self._rigid(angles, speeds, steady)
+        rigid = rigid_torque(self.tree, self.parameters, angles, speeds, steady)
         return rigid + friction.torque(angles, speeds, steady, rigid, friction.sliding.at(speeds))
 
     def inverse_dynamics(self, angles: Array, speeds: Array, accelerations: Array) -> Array:
         """As that of a chain. Rows (... x nrow x njoint) are in the order of time: where dry friction has pre-sliding
         it follows the motion.
         """
-        friction, rigid = self.friction, self._rigid(angles, speeds, accelerations)
-        sliding = friction.sliding
+        rigid = rigid_torque(self.tree, self.parameters, angles, speeds, accelerations)
+        friction, sliding = self.friction, self.friction.sliding
         slip = sliding.at(speeds) if angles.ndim == 1 else sliding.along(angles, speeds)
         return rigid + friction.torque(angles, speeds, accelerations, rigid, slip)
 
     def mass_matrix(self, angles: Array) -> Array:
         bodies = joint_mass_matrix(self.tree.with_parameters(self.parameters), angles)
         return bodies + self.friction.mass_matrix
-
-    def _rigid(self, angles: Array, speeds: Array, accelerations: Array) -> Array:
-        """What bodies and rotors need (... x njoint), in N m."""
-        bodies = body_torque(self.tree, self.parameters, angles, speeds, accelerations)
-        return bodies + self.parameters[:, _ROTOR] * accelerations
 
     @property
     def _constants(self) -> Constants:

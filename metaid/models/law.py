@@ -103,6 +103,7 @@ class Trajectory(NamedTuple):
 @dataclass(frozen=True)
 class ChainModel:
     """A planar chain by its `lumps`, in `gravity` (m/s²). With a `stiffness` k (1/s²) the torque leaves it q̈ = −k q.
+    `rotor` (... x njoint), in kg m²: the reflected inertia of what turns with a joint, and not with a link.
 
     Its parameters are the lumps that are searched. Angles and speeds are those of joints (... x njoint), in rad and
     rad/s; torques (... x njoint) are in N m.
@@ -111,6 +112,7 @@ class ChainModel:
     lumps: Lumps
     gravity: float
     stiffness: float = 0.0
+    rotor: Array | float = 0.0
 
     @property
     def parameters(self) -> Array:
@@ -144,9 +146,9 @@ class ChainModel:
         """Eq. 4 in joint coordinates; it needs the inertia lumps."""
         absolute = mass_matrix(self.lumps, running_sum(angles))
         carried = running_sum(running_sum(absolute[..., ::-1, ::-1]), axis=-2)
-        return carried[..., ::-1, ::-1]  # absolute angles are sums of joint angles
+        bodies = carried[..., ::-1, ::-1]  # absolute angles are sums of joint angles
+        return bodies + np.asarray(self.rotor)[..., None] * np.eye(self.lumps.nlink)
 
     def inverse_dynamics(self, angles: Array, speeds: Array, accelerations: Array) -> Array:
         """The joint torque (... x njoint) that gives the joints these accelerations (... x njoint), in N m."""
-        gained = np.einsum("...ij,...j->...i", self.mass_matrix(angles), accelerations)
-        return np.asarray(self.torque(angles, speeds) + gained, dtype=np.float64)
+        return self.torque(angles, speeds) + _product(self.mass_matrix(angles), accelerations)

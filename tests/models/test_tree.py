@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from random_arm import random_arm
 
-from metaid.models.tree import body_torque, last_link_turned
+from metaid.models.tree import last_link_turned, rigid_torque
 
 
 def test_parameters_of_an_arm_give_the_arm_back() -> None:
@@ -23,6 +23,6 @@ def test_last_link_that_is_turned_moves_as_one_whose_angle_is_read_too_large() -
     angles, speeds, accelerations = np.random.default_rng(0).normal(size=(3, 20, 4))
     less = angles - step * np.eye(4)[-1]
     turned = tree.parameters + step * last_link_turned(tree, tree.parameters)
-    needed = body_torque(tree, tree.parameters, angles, speeds, accelerations)
-    assert np.allclose(body_torque(tree, turned, less, speeds, accelerations), needed, rtol=0, atol=1e-9)
-    assert not np.allclose(body_torque(tree, tree.parameters, less, speeds, accelerations), needed, rtol=0, atol=1e-7)
+    needed = rigid_torque(tree, tree.parameters, angles, speeds, accelerations)
+    assert np.allclose(rigid_torque(tree, turned, less, speeds, accelerations), needed, rtol=0, atol=1e-9)
+    assert not np.allclose(rigid_torque(tree, tree.parameters, less, speeds, accelerations), needed, rtol=0, atol=1e-7)

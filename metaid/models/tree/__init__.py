@@ -20,9 +20,9 @@ from metaid.models.tree.misplaced import MISPLACED, last_link_turned, misplaced
 from metaid.models.tree.model_error import ModelError, difference, model_error, torque_half_width, torque_rows
 from metaid.models.tree.planar import is_pendulum, planar_chain, planar_tree, turning
 from metaid.models.tree.regressor import (
-    body_torque,
     joint_torque,
     kinetic_squares,
+    rigid_torque,
     torque_columns,
     torque_regressor,
 )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from metaid.models.intervals import deviations_at_once
 from metaid.models.lumps import Array
 from metaid.models.tree.base import NOTHING, BaseParameters, random_states
 from metaid.models.tree.dynamics import joint_mass_matrix
-from metaid.models.tree.regressor import joint_torque, torque_regressor
+from metaid.models.tree.regressor import rigid_torque, torque_regressor
 from metaid.models.tree.tree import Tree
 
 HELD_OUT = 2  # the seed of states that nothing else is computed from
@@ -44,9 +44,7 @@ def difference(true: Tree, other: Tree) -> ModelError:
     still = np.zeros_like(speeds)
     parts: list[tuple[Array, Array, Array]] = []
     for arm in (true, other):
-        smooth = replace(arm, damping=np.zeros(arm.njoint), coulomb=np.zeros(arm.njoint))
-        gravity = joint_torque(smooth, coordinates, still, still)
-        bias = joint_torque(smooth, coordinates, speeds, still)
+        gravity, bias = (rigid_torque(arm, arm.parameters, coordinates, each, still) for each in (still, speeds))
         parts.append((gravity, bias - gravity, joint_mass_matrix(arm, coordinates)))
     (gravity, coriolis, matrix), found = parts
     both, accelerating = gravity + coriolis, np.einsum("sij,sj->si", matrix, accelerations)

@@ -67,18 +67,18 @@ def torque_columns(
     return found
 
 
-def body_torque(tree: Tree, parameters: Array, coordinates: Array, speeds: Array, accelerations: Array) -> Array:
-    """The torque (... x njoint), in N m or N, that bodies need by themselves, without rotors and friction.  Eqs. 49 to
-    51, by the recursion of Newton and Euler, which costs much less than the regressor.
+def rigid_torque(tree: Tree, parameters: Array, coordinates: Array, speeds: Array, accelerations: Array) -> Array:
+    """The torque (... x njoint), in N m or N, that bodies and rotors need, without friction.  Eqs. 49 to 51, by the
+    recursion of Newton and Euler, which costs much less than the regressor.
 
     Args:
         tree: where the joints are.
-        parameters: of the bodies (njoint x 13, or ... x njoint x 13), which need not be those of bodies that can be.
+        parameters: of these (njoint x 13, or ... x njoint x 13), which need not be those of bodies that can be.
         coordinates: of the joints (... x njoint), in rad or m.
         speeds: of the joints (... x njoint), in rad/s or m/s.
         accelerations: of the joints (... x njoint), in rad/s² or m/s².
     """
-    torque = np.empty(coordinates.shape)
+    torque = np.broadcast_to(parameters[..., BODY] * accelerations, coordinates.shape).copy()
     links = list(_moving(tree, coordinates, speeds, accelerations))
     bodies = np.moveaxis(parameters, (-2, -1), (0, 1))
     bodies = bodies.reshape(*bodies.shape, *[1] * (coordinates.ndim + 1 - bodies.ndim))
@@ -88,7 +88,7 @@ def body_torque(tree: Tree, parameters: Array, coordinates: Array, speeds: Array
         turning = _cross(link.spin_rate, first) + _cross(link.spin, _cross(link.spin, first))
         force = force + own[0] * link.rate + turning  # Eq. 50
         moment = moment + _product(own[4:BODY], link.spin_rate) + _cross(link.spin, spun) + _cross(first, link.rate)
-        torque[..., i] = np.tensordot(tree.axis[i], force if tree.slides[i] else moment, 1)  # Eq. 51
+        torque[..., i] += np.tensordot(tree.axis[i], force if tree.slides[i] else moment, 1)  # Eq. 51
         force, moment = _outwards(link.axes, force), _outwards(link.axes, moment)
         moment = moment + _cross(link.place, force)
     return torque
@@ -143,8 +143,8 @@ def joint_torque(tree: Tree, coordinates: Array, speeds: Array, accelerations: A
 def kinetic_squares(tree: Tree, coordinates: Array, speeds: Array) -> Array:
     """vᵀ M v (...), twice the kinetic energy, rotors' too, at `coordinates` and `speeds` v (... x njoint each)."""
     weightless, rest = replace(tree, gravity=np.zeros(3)), np.zeros_like(speeds)
-    bodies = body_torque(weightless, tree.parameters, coordinates, rest, speeds)  # M v, but for rotors
-    return np.asarray((speeds * (bodies + tree.rotor * speeds)).sum(axis=-1), dtype=np.float64)
+    momenta = rigid_torque(weightless, tree.parameters, coordinates, rest, speeds)  # M v
+    return np.asarray((speeds * momenta).sum(axis=-1), dtype=np.float64)
 
 
 def _placed(tree: Tree, joint: int, coordinate: Array) -> tuple[Array, Array]:

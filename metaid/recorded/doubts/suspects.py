@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from metaid.models import Array
-from metaid.models.tree import PARAMETERS, ArmPrior, Tree, body_torque, friction_torque, misplaced
+from metaid.models.tree import PARAMETERS, ArmPrior, Tree, friction_torque, misplaced, rigid_torque
 from metaid.recorded.weak_form.equations import Equations
 from metaid.recorded.weak_form.linear_model import RIGID
 from metaid.recorded.weak_form.normal import eliminated_covariance
@@ -159,7 +159,7 @@ def _misplaced(equations: Equations, prior: ArmPrior, bodies: Array) -> Suspect:
 
     def needed(moved: Tree) -> list[Array]:
         return [
-            each.averaged(body_torque(moved, parameters, each.coordinates, each.speeds, each.accelerations))
+            each.averaged(rigid_torque(moved, parameters, each.coordinates, each.speeds, each.accelerations))
             for each in windows
         ]
 

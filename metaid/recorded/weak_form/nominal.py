@@ -17,12 +17,12 @@ from metaid.models.tree import (
     Sliding,
     Tree,
     arm_dynamics,
-    body_torque,
     planar_tree,
+    rigid_torque,
     torque_columns,
 )
 from metaid.plant import MujocoPlant, SimulatedPlant
-from metaid.recorded.weak_form.linear_model import BASE, RIGID, ROTOR, LinearModel
+from metaid.recorded.weak_form.linear_model import BASE, RIGID, LinearModel
 
 STILL = 0.01  # rad/s or m/s, until the usual speeds of logs are known
 SPREAD = 0.3  # standard deviation of a nominal lump, as a share of it
@@ -50,21 +50,21 @@ def chain_model(chain: Chain, gravity: float) -> LinearModel:
     law = ChainModel(chain.lumps_of(kinds), gravity)
     lumps = law.parameters
     rotors = lumps[len(lumps) - n + 1 :]
-    joints = np.arange(1, n)
 
     def bodies(angles: Array, speeds: Array, accelerations: Array) -> Array:
         turned = (accelerations[..., None] * np.eye(n))[..., 1:]
         return np.concatenate([law.regressor(angles, speeds, accelerations), turned], axis=-1)
 
+    def robot(values: Array) -> ChainModel:
+        rotor = np.concatenate([np.zeros((*values.shape[:-1], 1)), values[..., len(lumps) :]], axis=-1)
+        return ChainModel(law.lumps.with_parameters(values[..., : len(lumps)]), gravity, rotor=rotor)
+
     def dynamics(values: Array) -> Dynamics:
-        own = ChainModel(law.lumps.with_parameters(values[..., : len(lumps)]), gravity)
-        spun = np.zeros((*values.shape[:-1], n, n))
-        spun[..., joints, joints] = values[..., len(lumps) :]
-        return lambda angles, speeds: (own.mass_matrix(angles) + spun, own.torque(angles, speeds))
+        own = robot(values)
+        return lambda angles, speeds: (own.mass_matrix(angles), own.torque(angles, speeds))
 
     def _rigid(values: Array, angles: Array, speeds: Array, accelerations: Array) -> Array:
-        matrices, bias = dynamics(values)(angles, speeds)
-        return np.asarray(bias + (matrices @ accelerations[..., None])[..., 0])
+        return robot(values).inverse_dynamics(angles, speeds, accelerations)
 
     names = [*names, *(f"rotor_{i + 1}" for i in range(1, n))]
     return LinearModel(
@@ -104,9 +104,7 @@ def arm_model(tree: Tree) -> LinearModel:
         return arm_dynamics(tree, of_links(values))
 
     def _rigid(values: Array, coordinates: Array, speeds: Array, accelerations: Array) -> Array:
-        parameters = of_links(values)
-        needed = body_torque(tree, parameters, coordinates, speeds, accelerations)
-        return needed + parameters[..., ROTOR] * accelerations
+        return rigid_torque(tree, of_links(values), coordinates, speeds, accelerations)
 
     def chosen(texts: tuple[str, ...]) -> tuple[str, ...]:
         return tuple(text for text, is_kept in zip(texts, kept, strict=True) if is_kept)
