@@ -67,8 +67,7 @@ def read_trial(laws: ArmLaws, law: Array, loop: Loop, read: SensorReadings) -> R
         loop: how the arm is controlled and read.
         read: what the sensors read.
     """
-    poses, speeds = np.ascontiguousarray(laws.episode.begins.swapaxes(0, 1))
-    return loop.trial(read, speeds, partial(laws.commanded, law), poses)
+    return loop.trial(read, laws.episode.begins, partial(laws.commanded, law))
 
 
 def estimate_arm(trials: Sequence[SeenTrial], searched: BaseUnknowns, before: ArmEstimate | None) -> ArmEstimate | None:

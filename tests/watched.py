@@ -49,7 +49,7 @@ class Watched:
         if faults.push_noise:
             response = np.array([self.plant.start_speeds(Start.upright(impulse)) for impulse in np.eye(njoint)]).T
             spread = response * (faults.push_noise * self.episode.pushes[:, None])
-        return ReadTrial(TIMESTEP, readings, torques, steps, self.starts, spread, np.full(njoint, NOISE))
+        return ReadTrial(TIMESTEP, readings, torques, steps, upright(self.starts), spread, np.full(njoint, NOISE))
 
 
 def watched(

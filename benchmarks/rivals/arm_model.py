@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +18,7 @@ from benchmarks.rivals.servo import NO_FILTER, Followed, Sensors, Servo, read_an
 from metaid.compiled import compiled
 from metaid.compiled.spatial import frames_of
 from metaid.estimation.twin.flow import flow
-from metaid.estimation.twin.spatial_motion import spatial_balance, spatial_space
+from metaid.estimation.twin.spatial import SpatialTwin
 from metaid.estimation.twin.state import set_off
 from metaid.estimation.twin.workspace import workspace
 from metaid.models import Array
@@ -147,9 +149,12 @@ def follow_arm(tree: Tree, parameters: Array, timestep: float, servo: Servo, sen
         sensors: what it sees of it.
     """
     n = tree.njoint
-    balance = spatial_balance(frames_of(tree), parameters, is_continuous=True)
+    robot = SimpleNamespace(njoint=n, tilts=2, frames=frames_of(tree), parameters=lambda _: parameters)
+    driven: Any = SimpleNamespace(law=None, is_continuous=True)
+    twin = SpatialTwin(robot, np.empty(0))
+    balance, _ = twin.moving(driven)
     start = np.array([servo.angles[0] - sensors.offset, servo.speeds[0]])
-    arm = balance, workspace(*spatial_space(n), 0, is_continuous=True), np.zeros((1, n))
+    arm = balance, workspace(*twin.space, 0, is_continuous=True), np.zeros((1, n))
     return recorded(servo, lambda *read: _follow_arm(arm, start, timestep, servo.driven, sensors.seen, *read))
 
 

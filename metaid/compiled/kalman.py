@@ -63,6 +63,11 @@ class Filtered(NamedTuple):
     pushed: Array
     rubbed: Array
 
+    @property
+    def likelihood(self) -> float:
+        """The logarithm of that of the readings, but for a constant; NaN where the twin cannot follow."""
+        return -0.5 * float(self.sums.sum())
+
 
 def run_of(npush: int, nreading: int, n: int, is_kept: bool) -> Filtered:
     """Room for a run.

@@ -88,8 +88,7 @@ class Experiment:
             return None if shown is None else WatchedTrial(law, self.timestep, self.starts, shown, self.stiffness)
         if outcome.readings is None:
             return None
-        poses, speeds = np.ascontiguousarray(self.starts.swapaxes(0, 1))
-        return self.loop.trial(outcome.readings, speeds, partial(self.laws.commanded, law), poses)
+        return self.loop.trial(outcome.readings, self.starts, partial(self.laws.commanded, law))
 
     # What a sampler asks.
 

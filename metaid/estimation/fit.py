@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
-from metaid.estimation.descent import Descent, Fitted, Residuals, covariance_at, descend, place_at
+from metaid.estimation.descent import Descent, Fitted, covariance_at, descend, place_at
 from metaid.estimation.faults import SearchedFaults, found_faults
 from metaid.estimation.unknowns import Unknowns
 from metaid.models import Array
@@ -51,8 +51,8 @@ class Growing(Fitted, Protocol):
     def explained_below(self) -> float:
         """A misfit below this says that the model explains what was seen."""
 
-    def by_joint(self, point: Array, residuals: Residuals, /) -> tuple[Array, ...]:
-        """Root mean square of the residuals of each trial (npush x njoint) at a `point`, where all `residuals` are."""
+    def by_joint(self, point: Array, /) -> tuple[Array, ...]:
+        """Root mean square of the residuals of each trial (npush x njoint) at a `point`."""
 
 
 def fit(
@@ -92,7 +92,7 @@ def fit(
         misfit=found.place.residuals.misfit,
         explained_below=comparison.explained_below,
         iterations=found.iterations,
-        residuals=comparison.by_joint(place.point, place.residuals),
+        residuals=comparison.by_joint(place.point),
         extras=place.point[len(covariance) :],
         faults=faults,
     )

@@ -98,13 +98,12 @@ class Motions(WatchedTrials):
         cost = 0.5 * float(values @ values)
         return Residuals(values, slopes, cost, len(values), np.empty((0, 1 + len(point))))
 
-    def by_joint(self, point: Array, residuals: Residuals | None = None) -> tuple[Array, ...]:
+    def by_joint(self, point: Array) -> tuple[Array, ...]:
         """Root mean square of all residuals of each trial (npush x njoint), in their units; NaN where a push was not
-        seen. Those that are not given are simulated.
+        seen.
         """
-        if residuals is None:
-            alone = replace(self, unknowns=self.unknowns.alone(point))
-            residuals = alone.residuals(np.empty(0), alone.stages)
+        alone = replace(self, unknowns=self.unknowns.alone(point))
+        residuals = alone.residuals(np.empty(0), alone.stages)
         if residuals is None:
             return tuple(np.full(trial.start_speeds.shape, np.nan) for trial in self.trials)
         first, tables, kinds = 0, [], 2 if self.compared == "both" else 1

@@ -83,15 +83,14 @@ class ReadTrial:
         readings: joint angles (npush x nstep + 1 x njoint), in rad or m, the one right after the push first.
         torques: as they were commanded (npush x nstep x njoint), in N m.
         steps: how many steps (npush) of each push were seen before a fall.
-        start_speeds: joint speeds (npush x njoint), in rad/s, that such pushes gave in a calibration.
+        starts: joint coordinates and speeds (npush x 2 x njoint) that such pushes gave in a calibration, in rad or m
+            and s.
         start_spread: what pushes differ by, a root of the covariance of the start speeds (npush x njoint x njoint), in
             rad/s, or of coordinates and speeds (npush x 2 njoint x 2 njoint): any L with covariance L Lᵀ. Where the
             plant moves continuously also of the shares with which dry friction begins, behind these. None where they
             are all alike.
         noise: standard deviation of a reading of each joint (njoint), in rad, from the plant at rest.
         substeps: how many timesteps there are between two readings, and between two torques.
-        poses: joint coordinates (npush x njoint), in rad or m, at which the pushes begin; None for a chain that stands
-            upright.
         is_continuous: whether the plant moves continuously, as a real one does, and not by such steps of Euler's.
         times: since the push, in s, of each reading (npush x nstep + 1), where the plant tells it; None where ticks are
             taken to keep time.
@@ -101,15 +100,19 @@ class ReadTrial:
     readings: Array
     torques: Array
     steps: NDArray[np.int64]
-    start_speeds: Array
+    starts: Array
     start_spread: Array | None
     noise: Array
     substeps: int = 1
-    poses: Array | None = None
     is_continuous: bool = False
     times: Array | None = None
 
     law: ClassVar[None] = None  # what was commanded is known
+
+    @property
+    def start_speeds(self) -> Array:
+        """Of the joints (npush x njoint) right after such pushes."""
+        return self.starts[:, 1]
 
     @property
     def period(self) -> float:
@@ -127,7 +130,7 @@ class ReadTrial:
 
     def only(self, pushes: NDArray[np.intp]) -> ReadTrial:
         """The same with these `pushes` alone."""
-        of_pushes = ("readings", "torques", "steps", "start_speeds", "start_spread", "poses", "times")
+        of_pushes = ("readings", "torques", "steps", "starts", "start_spread", "times")
         known = {name: getattr(self, name) for name in of_pushes if getattr(self, name) is not None}
         own: dict[str, Any] = {name: each[pushes] for name, each in known.items()}
         return replace(self, **own)
@@ -157,9 +160,8 @@ def started(trial: ReadTrial, whitened: Array, is_moved: bool = True) -> Array:
     continuously the shares with which dry friction begins (npush x 3 x njoint): those it was to have and, where it
     `is_moved`, L u, u being `whitened` (npush x nextra).
     """
-    poses = np.zeros_like(trial.start_speeds) if trial.poses is None else trial.poses
     shares = [BUILT_UP * np.sign(trial.start_speeds)] if trial.is_continuous else []
-    starts = np.stack([poses, trial.start_speeds, *shares], axis=1)
+    starts = np.stack([*trial.starts.swapaxes(0, 1), *shares], axis=1)
     if trial.start_spread is None or not is_moved:
         return starts
     moved = np.einsum("pij,pj->pi", trial.start_spread, whitened)
@@ -196,24 +198,6 @@ class Coefficients(NamedTuple):
 
     values: Array
     slopes: Array
-
-
-@dataclass(frozen=True)
-class FilterGains:
-    """How a filter leads the twin through the pushes of one trial.
-
-    Attributes:
-        gains: of the state, angles above speeds, by an innovation (npush x nstep + 1 x 2 njoint x njoint).
-        weights: L⁻¹ with L Lᵀ the covariance of an innovation (npush x nstep + 1 x njoint x njoint), in 1/rad.
-        states: the filter's, after each reading (npush x nstep + 1 x 2 njoint): joint coordinates, in rad or m, before
-            speeds.
-        likelihood: the logarithm of that of the readings, but for a constant; NaN where the twin cannot follow.
-    """
-
-    gains: Array
-    weights: Array
-    states: Array
-    likelihood: float
 
 
 class Joints(NamedTuple):

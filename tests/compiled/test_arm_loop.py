@@ -204,7 +204,7 @@ def test_driven_twin_shows_what_the_sensors_read() -> None:
     pull = -episode.springs[:, None] * (readings[:, 20] - episode.states[:, 0])
     np.testing.assert_allclose(torques[:, 20], joint_torque(law, readings[:, 20], speeds[:, 20], pull), rtol=1e-9)
     starts, seen = episode.states, np.full(episode.npush, STEPS)
-    trial = ReadTrial(0.002, readings, torques, seen, starts[:, 1], None, np.full(tree.njoint, 1e-4))
+    trial = ReadTrial(0.002, readings, torques, seen, starts, None, np.full(tree.njoint, 1e-4))
     basis = np.tile(np.eye(STEPS + 1), (episode.npush, 1, 1))  # each coefficient is the angle at one reading
     twin = at(tree).drive(trial, starts, seen, basis, None)
     assert twin is not None
@@ -223,7 +223,7 @@ def test_dry_friction_of_an_arm_that_moves_continuously_builds_up_over_a_way() -
     torques = share * dry * ramp[None, :, None]
     at_ends = np.eye(2 * steps + 1)[None][..., [steps, 2 * steps]]
     seen, still = np.full(1, 2 * steps), np.zeros((1, 2 * steps + 1, 1))
-    trial = ReadTrial(2e-3, still, torques, seen, np.zeros((1, 1)), None, np.ones(1), is_continuous=True)
+    trial = ReadTrial(2e-3, still, torques, seen, np.zeros((1, 2, 1)), None, np.ones(1), is_continuous=True)
     joints = no_joints(1, 2)._replace(presliding=np.array([over]))
     twin = at(tree).drive(trial, np.zeros((1, 2, 1)), seen, at_ends, joints)
     assert twin is not None
@@ -237,7 +237,7 @@ def test_motion_follows_the_share_with_which_dry_friction_begins() -> None:
     starts = np.concatenate([np.full((1, 1, 4), 0.2), np.ones((1, 1, 4)), 0.5 * np.ones((1, 1, 4))], axis=1)
     still, seen = np.zeros((1, STEPS + 1, 4)), np.full(1, STEPS)
     spread, basis = np.eye(4)[None], np.eye(STEPS + 1)[None]
-    trial = ReadTrial(2e-3, still, np.zeros((1, STEPS, 4)), seen, starts[:, 1], spread, np.ones(4), is_continuous=True)
+    trial = ReadTrial(2e-3, still, np.zeros((1, STEPS, 4)), seen, starts[:, :2], spread, np.ones(4), is_continuous=True)
     joints = no_joints(4, 2)._replace(presliding=np.array([over]))
 
     def ends(shares: Array) -> Coefficients:

@@ -63,9 +63,8 @@ def read(plant: ArmPlant, searched: BaseUnknowns, law: Array, episode: Episode, 
 
 def read_trial(searched: BaseUnknowns, law: Array, episode: Episode, readings: SensorReadings) -> ReadTrial:
     """That in which a law led to these readings."""
-    poses, speeds = np.ascontiguousarray(episode.states.swapaxes(0, 1))
     commanded = partial(ArmLaws(searched, episode).commanded, law)
-    return loop_of(episode.njoint).trial(readings, speeds, commanded, poses)
+    return loop_of(episode.njoint).trial(readings, episode.states, commanded)
 
 
 def watched(plant: ArmPlant, nominal: Tree, episode: Episode) -> WatchedTrial:
@@ -210,8 +209,7 @@ def test_starts_that_are_not_exact_are_found_with_the_rest() -> None:
     record = ArmLoop(plant_of(tree, NOISE), moved).run(law)
     # The law acts on the pose that the arm was to have; here that is where its springs are.
     assert record.readings is not None
-    trial = read_trial(searched, law, moved, record.readings)
-    trial = replace(trial, poses=episode.states[:, 0], start_speeds=episode.states[:, 1])
+    trial = replace(read_trial(searched, law, moved, record.readings), starts=episode.states)
     root = np.broadcast_to(np.diag(spread.ravel()), (9, 6, 6))
     wrong, right = (fit(Readings([replace(trial, start_spread=each)], searched), restarts=0) for each in (None, root))
     assert not wrong.is_explained

@@ -66,7 +66,8 @@ def pushed(
                 mujoco.mj_step(model, data)
     noisy = readings + NOISE * random.standard_normal(readings.shape)
     steps = np.full(pushes, STEPS)
-    return ReadTrial(TIMESTEP, noisy, torques, steps, speeds, None, np.full(n, NOISE), poses=poses + offset)
+    starts = np.stack([poses + offset, speeds], axis=1)
+    return ReadTrial(TIMESTEP, noisy, torques, steps, starts, None, np.full(n, NOISE))
 
 
 def some_noise(searched: BaseUnknowns, trial: ReadTrial) -> Array:

@@ -75,7 +75,7 @@ def test_torque_that_changes_within_a_step_moves_a_body_as_far_as_it_does(kind: 
         np.zeros((1, nstep + 1, 1)),
         sent,
         np.array([nstep]),
-        np.zeros((1, 1)),
+        np.zeros((1, 2, 1)),
         None,
         np.ones(1),
         is_continuous=True,
@@ -235,7 +235,7 @@ def test_faults_that_change_torques_are_those_by_which_delivered_torques_change(
     names, random = fault_names(kinds, 2), np.random.default_rng(0)
     faults = SearchedFaults(kinds, 2, np.full(len(names), 0.1), teeth=5, limits=np.full(2, 0.5))
     readings, torques = random.normal(size=(1, 9, 2)), random.normal(size=(1, 8, 2))
-    trial = ReadTrial(0.02, readings, torques, np.array([8]), np.zeros((1, 2)), None, np.full(2, NOISE))
+    trial = ReadTrial(0.02, readings, torques, np.array([8]), np.zeros((1, 2, 2)), None, np.full(2, NOISE))
     here, step = np.full(len(names), 0.3), 0.1 * np.eye(len(names))
     before = faults.delivered(trial, here)
     changes = [(faults.delivered(trial, here + each) != before).any() for each in step]

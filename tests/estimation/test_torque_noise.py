@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from watched import GRAVITY, NOISE, raised, watched
 
+from metaid.compiled import Filtered
 from metaid.estimation import ChainLaws, Experiment, LogUnknowns, Loop, Readings, ReadTrial, upright
 from metaid.estimation.noisy import Innovations, fit_with_torque_noise, unmodelled_forces
-from metaid.estimation.trials import FilterGains, Joints
+from metaid.estimation.trials import Joints
 from metaid.estimation.twin import PlanarTwin
 from metaid.models import Lumps
 from metaid.plant import FaultSettings
@@ -85,7 +86,7 @@ def test_likelihood_is_that_of_all_readings_together() -> None:
     """Of a link without gravity, which moves linearly: its readings are normal with a covariance that is at hand."""
     steps, timestep, inertia, noise, torque = 8, 0.01, 0.05, 1e-3, 0.4
     readings = 0.01 * np.random.default_rng(0).normal(size=(1, steps + 1, 1))
-    commanded, start = np.full((1, steps, 1), 0.2), np.array([[0.3]])
+    commanded, start = np.full((1, steps, 1), 0.2), upright(np.array([[0.3]]))
     trial = ReadTrial(timestep, readings, commanded, np.array([steps]), start, None, np.array([noise]))
     lumps = Lumps(np.array([1.0]), np.zeros((1, 1)), inertia=np.array([inertia]))
     innovations = Innovations([trial], LogUnknowns(lumps, 0.0, ("inertia",)))
@@ -133,7 +134,7 @@ def test_what_the_filter_finds_of_a_push_depends_on_no_other() -> None:
         none, np.full(2, 0.05 * TORQUE_NOISE), none, none, np.zeros(1), none, np.array([1e-3]), np.zeros((3, 2))
     )
 
-    def led(*pushes: int) -> FilterGains:
+    def led(*pushes: int) -> Filtered:
         starts = upright(trial.start_speeds)
         begins = np.tile(1e-2 * np.eye(4), (len(starts), 1, 1))
         return twin.lead(trial, starts, begins, np.array(pushes), joints).gains(np.full(2, TORQUE_NOISE))

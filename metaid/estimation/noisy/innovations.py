@@ -8,9 +8,9 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from metaid.compiled import Filtered
 from metaid.estimation.estimate import Found
 from metaid.estimation.noisy.readings import Readings
-from metaid.estimation.trials import FilterGains
 from metaid.estimation.twin import Filter
 from metaid.models import Array
 
@@ -25,7 +25,7 @@ class Innovations(Readings):
     A twin that is led by its readings does not lose the plant, so windows need not grow: the longest is the first.
     """
 
-    gains: tuple[FilterGains, ...] = field(default=(), kw_only=True)
+    gains: tuple[Filtered, ...] = field(default=(), kw_only=True)
     least_gain: float = field(default=NOTHING, kw_only=True)
 
     is_led: ClassVar[bool] = True
@@ -37,7 +37,7 @@ class Innovations(Readings):
     def _longest(self, number: int, windows: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         return super()._longest(number, super().stages)
 
-    def _gains(self, number: int) -> FilterGains | None:
+    def _gains(self, number: int) -> Filtered | None:
         return self.gains[number]
 
     def motion(self, number: int) -> tuple[Array, Array]:

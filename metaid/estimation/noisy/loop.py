@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -51,34 +51,21 @@ class Loop:
         """By which torques are known to be late, in s."""
         return self.delay * self.timestep * self.substeps
 
-    def trial(
-        self,
-        read: SensorReadings,
-        start_speeds: Array,
-        law: Callable[[Array, Array], Array],
-        poses: Array | None = None,
-    ) -> ReadTrial:
-        """A trial by what its sensors read.
-
-        Args:
-            read: what they read.
-            start_speeds: joint speeds (npush x njoint), in rad/s, that such pushes give.
-            law: the torques (npush x nstep x njoint), in N m, that it makes of joint coordinates and speeds
-                (npush x nstep + 1 x njoint each).
-            poses: joint coordinates (npush x njoint) at which pushes begin; None for the upright.
+    def trial(self, read: SensorReadings, starts: Array, law: Callable[[Array, Array], Array]) -> ReadTrial:
+        """A trial by what its sensors `read`, with joint coordinates and speeds as such pushes give (npush x 2 x
+        njoint), and the torques (npush x nstep x njoint), in N m, that its `law` makes of coordinates and speeds (npush
+        x nstep + 1 x njoint each).
         """
         speeds = read.speeds
         if speeds is None:
-            speeds = filtered_speeds(read.angles, start_speeds, self.speed_weights)
+            speeds = filtered_speeds(read.angles, starts[:, 1], self.speed_weights)
         torques, _ = late(law(read.angles + self.lead * speeds, speeds), self.delay)
         torques = np.ascontiguousarray(np.clip(torques, -self.torque_limits, self.torque_limits), dtype=np.float64)
         # At rest a reading shows the steps of its encoder as far as its other noise moves it across them.
         of_encoders = read.encoder_steps * ENCODER_NOISE
         noise = np.maximum(self.noise, of_encoders) if self.has_unknown_encoders else self.noise
-        pushes = start_speeds, self._spread(len(start_speeds))
-        seen = self.timestep, read.angles, torques, read.steps
-        trial = ReadTrial(*seen, *pushes, noise, self.substeps, poses, self.is_continuous)
-        return replace(trial, times=read.times)
+        seen, pushes = (self.timestep, read.angles, torques, read.steps), (starts, self._spread(len(starts)))
+        return ReadTrial(*seen, *pushes, noise, self.substeps, self.is_continuous, read.times)
 
     def _spread(self, npush: int) -> Array | None:
         """What pushes differ by, as `ReadTrial` has it."""

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
-from metaid.compiled import share_out
+from metaid.compiled import Filtered, share_out
 from metaid.estimation.descent import Residuals
 from metaid.estimation.faults import NO_FAULTS, SearchedFaults, searched_faults
 from metaid.estimation.noisy.polynomials import (
@@ -32,7 +32,6 @@ from metaid.estimation.noisy.polynomials import (
 from metaid.estimation.trials import (
     NOTHING_FURTHER,
     Coefficients,
-    FilterGains,
     Further,
     Joints,
     ReadTrial,
@@ -177,7 +176,7 @@ class Readings:
         costs = self._of_each(cost)
         return np.inf if costs is None else sum(costs)
 
-    def by_joint(self, point: Array, _: Residuals | None = None) -> tuple[Array, ...]:
+    def by_joint(self, point: Array) -> tuple[Array, ...]:
         """Root mean square of the residuals of each trial (npush x njoint) on the longest window seen, scaled by the
         noise; NaN where a push was not seen.
         """
@@ -303,7 +302,7 @@ class Readings:
         chosen = np.minimum((ends[None] <= steps[:, None]).sum(axis=1), windows) - 1
         return chosen, np.where(chosen >= 0, ends[chosen], 0)
 
-    def _gains(self, number: int) -> FilterGains | None:
+    def _gains(self, number: int) -> Filtered | None:
         """Of the filter that leads the twin through a trial; None where nothing does."""
         return None
 

@@ -15,11 +15,10 @@ from typing import NamedTuple
 import numpy as np
 
 from metaid.compiled import compiled, factorise, solve
-from metaid.estimation.log_unknowns import Columns, LogUnknowns
-from metaid.estimation.trials import Further, Joints
+from metaid.estimation.log_unknowns import Columns
 from metaid.estimation.twin.joints import joint_force
-from metaid.estimation.twin.workspace import Beside, beside, no_joints
-from metaid.models import Array, Lumps
+from metaid.estimation.twin.workspace import Beside
+from metaid.models import Array
 
 
 class PlanarBalance(NamedTuple):
@@ -74,60 +73,6 @@ class PlanarSpace(NamedTuple):
     cosine: Array
     sine: Array
     factor: Array
-
-
-def planar_balance(
-    law: Lumps | None, lumps: Lumps, gravity: float, joints: Joints | None, is_continuous: bool, rubs: bool
-) -> PlanarBalance:
-    """What the motion of a chain under a law follows from, which is without springs.
-
-    Args:
-        law: the lumps of the law; without one only the chain's own forces act.
-        lumps: of the chain.
-        gravity: in m/s².
-        joints: what they have beside the lumps; None for nothing.
-        is_continuous: whether the twin takes Runge-Kutta steps.
-        rubs: whether dry friction of the joints builds up in these, if there is none yet.
-    """
-    joints = no_joints(lumps.nlink, 1) if joints is None else joints
-    if law is None:
-        law = Lumps(np.zeros(lumps.nlink), np.zeros((lumps.nlink, lumps.nlink)))
-    return PlanarBalance(
-        gravity=gravity * (law.gravity - lumps.gravity),
-        coriolis=law.coriolis - lumps.coriolis,
-        damping=law.of("damping") - lumps.of("damping") - joints.viscous,
-        coulomb=law.of("coulomb") - lumps.of("coulomb") - (0.0 if is_continuous else 1.0) * joints.dry,
-        spring=0.0 - joints.spring,
-        lean=joints.tilt[0] - np.cumsum(joints.offset),  # what reads too much leans the other way.  Eq. 43
-        straight=np.array(joints.offset),
-        dry=(1.0 if is_continuous else 0.0) * joints.dry,
-        presliding=float(joints.presliding[0]) if is_continuous and (rubs or bool(joints.dry.any())) else 0.0,
-        cogging=np.array(joints.cogging),
-        mass_coriolis=np.array(lumps.coriolis),
-        mass_inertia=lumps.of("inertia") + joints.rotor + np.append(joints.rotor[1:], 0.0),
-        rotor=np.array(joints.rotor),
-        law_coriolis=np.array(law.coriolis),
-        law_inertia=np.array(law.of("inertia")),
-        stiffness=0.0,
-    )
-
-
-def planar_derivatives(unknowns: LogUnknowns, lumps: Lumps, further: Further) -> PlanarDerivatives:
-    """Those of the `lumps` by the `unknowns`: of what is a multiple of a parameter, by the logarithm of that, it is
-    itself. And those by what is `further` unknown, whose torques are those of the first push.
-    """
-    joints = no_joints(lumps.nlink, 1) if further.joints is None else further.joints
-    lean = np.atleast_2d(joints.tilt[..., :1] - np.cumsum(joints.offset, axis=-1))  # Eq. 43
-    of_joints = lean, np.diff(lean, axis=-1, prepend=0.0), np.zeros((0, len(lean)))
-    return PlanarDerivatives(
-        gravity=unknowns.gravity * lumps.gravity,
-        coriolis=np.array(lumps.coriolis),
-        inertia=np.array(lumps.of("inertia")),
-        damping=np.array(lumps.of("damping")),
-        coulomb=np.array(lumps.of("coulomb")),
-        columns=unknowns.columns,
-        beside=beside(further, *of_joints, len(unknowns.names)),
-    )
 
 
 @compiled

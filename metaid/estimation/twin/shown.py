@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from metaid.compiled import Filtered, likelihood_about
 from metaid.episode import energies
-from metaid.estimation.trials import FilterGains, WatchedTrial
+from metaid.estimation.trials import WatchedTrial
 from metaid.models import Array
 
 UNASKED = np.empty(0)
@@ -90,10 +90,12 @@ class Filter:
     pushes: NDArray[np.intp]
     joints: Callable[[Array], Array]
 
-    def gains(self, torque_noise: Array) -> FilterGains:
-        """Where the noise of each joint's torque has these standard deviations (njoint), in N m or N."""
+    def gains(self, torque_noise: Array) -> Filtered:
+        """Where the noise of each joint's torque has these standard deviations (njoint), in N m or N; with the states
+        of joints, coordinates before speeds.
+        """
         found = self.run(torque_noise[None] ** 2, False)
-        return FilterGains(found.gains, found.weights, self.joints(found.states), -0.5 * float(found.sums.sum()))
+        return found._replace(states=self.joints(found.states))
 
     def likelihood_about(self, torque_noise: Array) -> Callable[[Array, slice], Array]:
         """The logarithm of the likelihood of some of the pushes, but for a constant, by several standard deviations

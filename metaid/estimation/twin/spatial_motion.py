@@ -15,18 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.compiled import compiled, factorise, solve
-from metaid.compiled.spatial import Frames, Space, accelerating_torques, fill_mass_matrix, new_space
-from metaid.estimation.trials import Further, Joints
+from metaid.compiled.spatial import Frames, Space, accelerating_torques, fill_mass_matrix
 from metaid.estimation.twin.joints import joint_force
-from metaid.estimation.twin.workspace import Beside, beside, no_joints
+from metaid.estimation.twin.workspace import Beside
 from metaid.models import Array
-from metaid.models.tree import PARAMETERS, tilted_gravity
+from metaid.models.tree import PARAMETERS
 
 ROTOR, DAMPING, COULOMB = (PARAMETERS.index(kind) for kind in ("rotor", "damping", "coulomb"))  # the last three
 STOPPING = 2.0 / (0.95 * 0.02)  # B in 1/s: MuJoCo's usual solref has 0.02 s, its solimp at most 0.95
 ALL_AT_ONCE = 6  # attempts; then one joint at a time, which ends
 MOST = 60
-TILT = 1e-6  # rad, a step of a difference
 
 
 class SpatialBalance(NamedTuple):
@@ -84,77 +82,6 @@ class SpatialSpace(NamedTuple):
     zero: Array
     left: Array
     other: Array
-
-
-def spatial_balance(
-    frames: Frames,
-    parameters: Array,
-    law: Array | None = None,
-    softness: Array | None = None,
-    joints: Joints | None = None,
-    is_continuous: bool = False,
-) -> SpatialBalance:
-    """What the motion of an arm under a law follows from.
-
-    Args:
-        frames: where its joints are.
-        parameters: of them and of its links (njoint x 13).
-        law: parameters of the law (njoint x 13); without one only the arm's own forces act.
-        softness: of dry friction (njoint), 1/D; None where it is no constraint.
-        joints: what they have beside the parameters; None for nothing.
-        is_continuous: whether the twin takes Runge-Kutta steps.
-    """
-    n = len(parameters)
-    joints = no_joints(n, 2) if joints is None else joints
-    own, sent = parameters.copy(), np.zeros_like(parameters) if law is None else np.array(law, order="C")
-    damping = sent[:, DAMPING] - own[:, DAMPING] - joints.viscous
-    coulomb, rubs = sent[:, COULOMB].copy(), own[:, COULOMB] + joints.dry
-    own[:, ROTOR] += joints.rotor
-    own[:, DAMPING:] = sent[:, DAMPING:] = 0.0
-    tilts = np.array([[TILT, 0.0], [0.0, TILT]])
-    leaning = [tilted_gravity(frames.gravity, joints.tilt + sign * tilt) for tilt in tilts for sign in (1.0, -1.0)]
-    gravity = tilted_gravity(frames.gravity, joints.tilt) if joints.tilt.any() else frames.gravity
-    return SpatialBalance(
-        frames=frames._replace(gravity=gravity),
-        parameters=own,
-        difference=sent - own,
-        law=sent[:0] if law is None else sent,
-        stiffness=0.0,
-        sticking=np.zeros(n) if is_continuous else rubs,
-        softness=np.empty(0) if softness is None else softness,
-        turned=(np.array(leaning[::2]) - np.array(leaning[1::2])) / (2.0 * TILT),
-        damping=damping,
-        coulomb=coulomb,
-        spring=0.0 - joints.spring,
-        straight=np.array(joints.offset),
-        dry=rubs if is_continuous else np.zeros(n),
-        presliding=float(joints.presliding[0]) if is_continuous else 0.0,
-        cogging=np.array(joints.cogging),
-    )
-
-
-def spatial_derivatives(
-    columns: NDArray[np.intp], softness: Array, further: Further, njoint: int
-) -> SpatialDerivatives:
-    """Those by parameters, and by what is `further` unknown, whose torques are those of the first push.
-
-    Args:
-        columns: of the parameters among all of them (nunknown).
-        softness: its derivatives by them (njoint x nunknown; empty where there is no such friction).
-        further: what is unknown beside them.
-        njoint: the number of joints.
-    """
-    joints = no_joints(njoint, 2) if further.joints is None else further.joints
-    lean = np.atleast_2d(0.0 - joints.offset)  # what reads too much is less far.  Eq. 43
-    links, kinds = np.divmod(np.asarray(columns, dtype=np.int64), len(PARAMETERS))
-    own = beside(further, lean, lean, np.atleast_2d(joints.tilt).T, len(columns))
-    return SpatialDerivatives(links, kinds, softness, own)
-
-
-def spatial_space(njoint: int) -> tuple[NDArray[np.int64], SpatialSpace]:
-    """What every joint is beside (njoint), nothing, and what the kernel works in."""
-    carried = np.zeros((2, njoint, njoint, 3))
-    return np.full(njoint, -1), SpatialSpace(new_space(njoint), *carried, *np.zeros((7, njoint)))
 
 
 @compiled

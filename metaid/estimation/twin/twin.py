@@ -15,7 +15,6 @@ from metaid.compiled import Filtered, run_of, share_out, spread_of
 from metaid.estimation.trials import (
     NOTHING_FURTHER,
     Coefficients,
-    FilterGains,
     Further,
     Joints,
     ReadTrial,
@@ -25,7 +24,7 @@ from metaid.estimation.twin.driven import watch_readings
 from metaid.estimation.twin.filtered import lead
 from metaid.estimation.twin.shown import Filter, Shown, with_energies
 from metaid.estimation.twin.watched import watch_push
-from metaid.estimation.twin.workspace import workspace
+from metaid.estimation.twin.workspace import Beside, beside, no_joints, workspace
 from metaid.models import Array
 
 
@@ -52,12 +51,28 @@ class Twin(ABC):
         """The link below each joint (njoint), -1 for none, and what a thread's kernel works in."""
 
     @abstractmethod
+    def _leaning(self, joints: Joints) -> tuple[Array, Array, Array]:
+        """What `joints` have for one of each of some unknowns makes of the kernel's coordinates: how far these are from
+        where they are read (nother x njoint), and each from the link below (nother x njoint), in rad; and the tilts of
+        a base that turns about axes of its own (naxis x nother), in rad.
+        """
+
+    @abstractmethod
+    def _moving(self, trial: WatchedTrial | ReadTrial, joints: Joints, unknown: Beside) -> tuple[Any, Any]:
+        """As `moving` says, by all that joints have, and what is `unknown` beside the robot."""
+
     def moving(
         self, trial: WatchedTrial | ReadTrial, joints: Joints | None = None, further: Further = NOTHING_FURTHER
     ) -> tuple[Any, Any]:
         """What it moves by in a trial, under its law if it has one, without springs, and the derivatives of that; with
-        what `joints` have beside the parameters, None for nothing, and by what is `further` unknown.
+        what `joints` have beside the parameters, None for nothing, and by what is `further` unknown, of which torques
+        are those of the first push.
         """
+        n = self.unknowns.njoint
+        none = no_joints(n, self.unknowns.tilts)
+        more = Joints(*(each[None][:0] for each in none)) if further.joints is None else further.joints
+        unknown = beside(further.torques_of(0, n), more, self._leaning(more), len(self.point))
+        return self._moving(trial, none if joints is None else joints, unknown)
 
     def by_unknowns(self, slopes: Array) -> Array:
         """The derivatives by the unknowns (... x nunknown), of those by what the kernel differentiates by."""
@@ -115,7 +130,7 @@ class Twin(ABC):
         basis: Sequence[Array] | Array,
         joints: Joints | None,
         further: Further = NOTHING_FURTHER,
-        led: FilterGains | None = None,
+        led: Filtered | None = None,
     ) -> Coefficients | None:
         """What it shows of a noisy trial, driven by what was commanded; None where it cannot follow.
 

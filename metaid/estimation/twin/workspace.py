@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.compiled import BLOCK, LANES, whole
-from metaid.estimation.trials import PRESLIDING, Further, Joints
+from metaid.estimation.trials import PRESLIDING, Joints
 from metaid.models import Array
 
 # What joints have that is unknown, in this order: of dry friction also the way over which it builds up.
@@ -107,24 +107,20 @@ def workspace(below: NDArray[np.int64], own: Any, nunknown: int, is_continuous: 
     )
 
 
-def beside(further: Further, lean: Array, from_below: Array, tilts: Array, first: int) -> Beside:
-    """What is `further` unknown.
+def beside(torques: Array, joints: Joints, leaning: tuple[Array, Array, Array], first: int) -> Beside:
+    """What is unknown beside the robot.
 
     Args:
-        further: those that have torques, and those that joints have.
-        lean: how far a coordinate of the kernel is from where it is read (nother x njoint), in rad.
-        from_below: the same of a joint beside the link below.
-        tilts: of a base that turns about axes of its own (naxis x nother), in rad.
+        torques: of those that have some (nstep x njoint x ntorque), in N m.
+        joints: what they have for one of each of the others (nother x ... each).
+        leaning: what that makes of the kernel's coordinates, see `Twin`.
         first: the column of the first of them.
     """
-    joints, n = further.joints, lean.shape[1]
-    if joints is None:
-        return Beside(further.torques_of(0, n), np.zeros((n, len(KINDS), 0)), np.zeros((n, 0)), tilts[:, :0], first)
-    presliding = np.repeat(joints.presliding, n, axis=1)
+    lean, from_below, tilts = leaning
+    presliding = np.repeat(joints.presliding, lean.shape[1], axis=1)
     kinds = joints.viscous, joints.dry, joints.spring, *joints.cogging.swapaxes(0, 1)[:2], joints.rotor, joints.offset
     by_kind = np.ascontiguousarray(np.array([*kinds, from_below, presliding]).transpose(2, 0, 1))
-    own = np.ascontiguousarray(lean.T), np.ascontiguousarray(tilts)
-    return Beside(further.torques_of(0, n), by_kind, *own, first)
+    return Beside(torques, by_kind, np.ascontiguousarray(lean.T), np.ascontiguousarray(tilts), first)
 
 
 def no_joints(njoint: int, tilts: int) -> Joints:
