@@ -25,6 +25,11 @@ def in_blocks() -> pd.DataFrame:
     return log
 
 
+def undone(log: pd.DataFrame) -> pd.DataFrame:
+    """A log whose speeds are not how fast its angles change."""
+    return log.assign(**{name: log[name].to_numpy()[::-1] for name in BLOCKS[2:4]})
+
+
 def assert_same(record: LogRun, usual: LogRun) -> None:
     np.testing.assert_allclose(record.times, usual.times, atol=1e-12)
     np.testing.assert_allclose(record.angles, usual.angles, atol=1e-12)
@@ -83,6 +88,74 @@ def test_files_are_read_by_what_they_are_called(tmp_path: Path) -> None:
     assert "no names of columns: tau.txt is called as what they are" in [each.text for each in record.repairs]
 
 
+def in_joints() -> pd.DataFrame:
+    """The clean log with all readings of a joint side by side."""
+    return clean()[["time", *(f"{kind}_{joint}" for joint in (1, 2) for kind in ("angle", "speed", "torque"))]]
+
+
+def with_accelerations() -> pd.DataFrame:
+    """As they are differentiated: noisy, and a little late."""
+    log, random = in_blocks(), np.random.default_rng(0)
+    for joint in (1, 2):
+        exact = np.gradient(log[f"speed_{joint}"], log["time"])
+        log[f"acceleration_{joint}"] = np.roll(exact, 2) + 0.1 * np.ptp(exact) * random.standard_normal(len(log))
+    return log
+
+
+def in_milliseconds() -> pd.DataFrame:
+    log = in_blocks()
+    return log.assign(time=1e3 * log["time"])
+
+
+RECOGNISED: dict[str, Callable[[], pd.DataFrame]] = {
+    "time, angle, speed, nothing, torque of all joints": in_blocks,
+    "time, angle, speed, torque of joint after joint": in_joints,
+    "time, angle, speed, nothing, torque of all joints,": with_accelerations,
+    "time, angle, speed, nothing, torque of": in_milliseconds,
+    "angle, speed, nothing, torque of all joints, by how they change at 200 Hz": lambda: in_blocks().drop(
+        columns="time"
+    ),
+    "torque, speed, angle of all joints, by how they change at 200 Hz": lambda: in_blocks()[BLOCKS[::-1]],
+}
+
+
+@pytest.mark.parametrize("said", RECOGNISED)
+def test_columns_without_names_are_known_by_how_they_change(said: str, tmp_path: Path) -> None:
+    """Speeds are how fast angles change, accelerations how fast speeds do, and torques are what is left; rows without
+    times have the rate by which speeds are that.
+    """
+    np.savetxt(tmp_path / "run.txt", RECOGNISED[said]())
+    record = read(str(tmp_path / "run.txt"))
+    joints = slice(None, None, -1 if said.startswith("torque") else 1)
+    assert_same(record.mapped(lambda kind: kind[:, joints]), read(clean()))
+    assert any(f"no names of columns: taken as {said}" in each.text for each in record.repairs)
+
+
+def test_columns_of_one_joint_without_names_are_known(tmp_path: Path) -> None:
+    columns = ["time", "angle_1", "speed_1", "torque_1"]
+    np.savetxt(tmp_path / "run.txt", clean()[columns])
+    record = read(str(tmp_path / "run.txt"), joints=("1",))
+    assert_same(record, read(clean()[columns], joints=("1",)))
+
+
+def test_angles_of_a_table_without_names_are_said_to_be_in_degrees(tmp_path: Path) -> None:
+    """Once its columns are known; the message of the refusal says how."""
+    log = in_joints()
+    log[["angle_1", "angle_2", "speed_1", "speed_2"]] *= 180.0 / np.pi
+    np.savetxt(tmp_path / "run.txt", log)
+    record = read(str(tmp_path / "run.txt"), columns={"angle": "angle:deg", "speed": "speed:deg/s"})
+    assert_same(record, read(clean()))
+
+
+def test_columns_that_may_be_several_things_are_left_to_the_user(tmp_path: Path) -> None:
+    """As two kinds of torques, or wished angles beside those measured."""
+    for number, more in enumerate((BLOCKS[4:], BLOCKS[:2])):
+        log = pd.concat([in_blocks()[["time", *BLOCKS]], 1.01 * clean()[more]], axis="columns")
+        np.savetxt(tmp_path / f"run{number}.txt", log)
+        with pytest.raises(RecordError, match="no names of its 9 columns"):
+            read(str(tmp_path / f"run{number}.txt"))
+
+
 @pytest.mark.parametrize(
     ("dropped", "usual"),
     [
@@ -93,7 +166,7 @@ def test_files_are_read_by_what_they_are_called(tmp_path: Path) -> None:
 )
 def test_refusal_says_what_columns_usually_are(dropped: tuple[str, ...], usual: str, tmp_path: Path) -> None:
     path = tmp_path / "run.txt"
-    log = in_blocks().drop(columns=list(dropped))
+    log = undone(in_blocks().drop(columns=list(dropped)))
     np.savetxt(path, log)
     with pytest.raises(RecordError) as refused:
         read(str(path))

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from metaid.errors import RecordError
 from metaid.models import Array
+from metaid.recorded.reading.blocks import recognised
 from metaid.recorded.reading.clock import on_true_clock
 from metaid.recorded.reading.columns import Understood, joints_beside, understood
 from metaid.recorded.reading.formats import tables_of
@@ -60,6 +61,8 @@ class Intake:
     def pieces(self, log: str | Path | pd.DataFrame, number: int) -> list[Understood]:
         """The tables in a log, of a bag one a topic; a frame has its `number` as its name.  Raises as `every_run`."""
         tables = [called_as_file(table, len(self.joints)) for table in tables_of(log, number, self.topic)]
+        if not any("column" in said for both in self.columns.items() for said in both):
+            tables = [recognised(table, len(self.joints), self.rate) for table in tables]
         pieces = [understood(table, self.joints, self.columns) for table in tables]
         return pieces if self.rate is None else [piece.on_rate(self.rate) for piece in pieces]
 

@@ -1,0 +1,120 @@
+"""What the columns of a table without names are, by how they change: speeds are how fast angles do, accelerations are
+how fast speeds do, and what is left are torques.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import permutations
+
+import numpy as np
+import pandas as pd
+
+from metaid.models import Array
+from metaid.recorded.reading.formats import Table
+from metaid.recorded.reading.readings import Repair
+from metaid.recorded.reading.times import FASTEST, SLOWEST, UNITS
+
+FEWEST, MOST = 3, 6  # columns of each joint
+STRIDES = 200  # of a log, over which changes are compared
+LIKE = 0.97  # least correlation of how much angles change with the sum of how fast they do
+LIKE_FILTERED = 0.7  # of speeds with accelerations, which are filtered and late
+ALIKE = 0.1  # most by which joints differ in how many rows a second has
+STILL = 0.01  # of how far the farthest joint goes: one that goes no farther says nothing
+
+
+def recognised(table: Table, njoint: int, rate: float | None) -> Table:
+    """A table without names with those that its columns must have, and with times where it has none and no `rate`, in
+    Hz, is said: its speeds tell them. Any other as it is, and one of which nothing tells what its columns are.
+    """
+    count = len(table.columns)
+    if not table.is_nameless or not FEWEST * njoint <= count <= MOST * njoint + 1:
+        return table
+    cells = table.load(table.columns).apply(pd.to_numeric, errors="coerce").dropna().to_numpy(dtype=np.float64)
+    found = list(_layouts(cells, njoint)) if len(cells) > STRIDES else []
+    if len(found) != 1:
+        return table
+    layout = found[0]
+    named = table.renamed([own or column for own, column in zip(layout.names, table.columns, strict=True)])
+    said = f"no names of columns: taken as {layout.text}, by how they change"
+    if layout.rate is not None and rate is None:
+        named, said = named.on_rate(layout.rate), f"{said} at {layout.rate:g} Hz"
+    return replace(named, notes=(*table.notes, Repair("columns", count, said)), is_nameless=False)
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """The names of columns, empty where one is not read, a text of them, and the rate, in Hz, of one without times."""
+
+    names: list[str]
+    text: str
+    rate: float | None
+
+
+def _layouts(cells: Array, njoint: int) -> Iterator[_Layout]:
+    """What cells (nrow x ncolumn) may be: kind after kind of all joints, or joint after joint, after a time perhaps."""
+    alone = njoint == 1
+    is_timed = bool((np.diff(cells[:, 0]) > 0.0).all()) if alone else cells.shape[1] % njoint == 1
+    times = cells[:, 0] if is_timed else np.arange(len(cells), dtype=np.float64)
+    numbers = np.arange(int(is_timed), cells.shape[1])
+    if numbers.size % njoint or numbers.size < FEWEST * njoint or not (np.diff(times) > 0.0).all():
+        return
+    shapes = {"all joints": numbers.reshape(-1, njoint)} | (
+        {} if alone else {"joint after joint": numbers.reshape(njoint, -1).T}
+    )
+    for how, columns in shapes.items():
+        for kinds, rate in _kinds([cells[:, own] for own in columns], times):
+            as_said = any(abs(rate * unit - 1.0) < ALIKE for unit in UNITS.values())
+            if as_said if is_timed else FASTEST < 1.0 / rate < SLOWEST:
+                names = ["time"] * int(is_timed) + [""] * columns.size
+                for kind, own in zip(kinds, columns, strict=True):
+                    for joint, column in enumerate(own.tolist()):
+                        names[column] = f"{kind}_{joint + 1}" if kind else ""
+                text = ", ".join(kind or "nothing" for kind in kinds) + f" of {how}"
+                yield _Layout(names, f"time, {text}" if is_timed else text, None if is_timed else _usual(rate))
+
+
+def _kinds(blocks: Sequence[Array], times: Array) -> Iterator[tuple[list[str], float]]:
+    """What each of several blocks (nrow x njoint each) is, empty of one that is not read, and how many units of time of
+    the speeds one of `times` is.
+    """
+    moving = [number for number, block in enumerate(blocks) if np.ptp(block, axis=0).any()]
+    changes = {pair: _changes(blocks[pair[0]], blocks[pair[1]], times) for pair in permutations(moving, 2)}
+    for (angle, speed), (likeness, rates) in changes.items():
+        rate = float(np.median(rates))
+        if not rate > 0.0 or not (likeness > LIKE).all() or not (np.abs(rates / rate - 1.0) < ALIKE).all():
+            continue
+        others = [each for each in moving if each not in (angle, speed)]
+        faster = [each for each in others if _are_filtered(*changes[speed, each], rate)]
+        torque = [each for each in others if each not in faster]
+        if len(torque) == 1 and len(faster) <= 1 and not _are_filtered(*changes[torque[0], angle], rate):
+            known = {angle: "angle", speed: "speed", torque[0]: "torque"}
+            yield [known.get(each, "") for each in range(len(blocks))], rate
+
+
+def _changes(slow: Array, fast: Array, times: Array) -> tuple[Array, Array]:
+    """Of each joint that moves (njoint) the correlation between how much what is `slow` (nrow x njoint) changes and the
+    sum of what is `fast`, and by how much the sum is larger, of rows at some `times` (nrow).
+    """
+    stride = max(1, len(times) // STRIDES)
+    sums = np.cumsum(0.5 * (fast[1:] + fast[:-1]) * np.diff(times)[:, None], axis=0)
+    reach = np.ptp(slow, axis=0)
+    moves = reach > STILL * reach.max()
+    summed, changed = (each[stride::stride, moves] - each[:-stride:stride, moves] for each in (sums, slow[1:]))
+    product, square = (summed * changed).sum(axis=0), (changed**2).sum(axis=0)
+    return product / np.maximum(np.sqrt((summed**2).sum(axis=0) * square), 1e-300), product / square
+
+
+def _are_filtered(likeness: Array, rates: Array, rate: float) -> bool:
+    """Whether something is how fast something else changes, perhaps through a filter: smaller and late."""
+    return bool(np.median(likeness) > LIKE_FILTERED and 0.5 < np.median(rates) / rate < 2.0)
+
+
+def _usual(rate: float) -> float:
+    """A round rate near by: most logs are told to have one, and have a little more or less."""
+    for digits, share in ((1, 0.02), (2, 0.005), (3, 0.005), (4, 0.005)):
+        near = float(f"{rate:.{digits}g}")
+        if abs(near / rate - 1.0) < share:
+            break
+    return near
