@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.io import savemat
 
 from metaid.errors import RecordError
 from metaid.recorded import LogRun, every_run
@@ -145,6 +147,36 @@ def test_angles_of_a_table_without_names_are_said_to_be_in_degrees(tmp_path: Pat
     np.savetxt(tmp_path / "run.txt", log)
     record = read(str(tmp_path / "run.txt"), columns={"angle": "angle:deg", "speed": "speed:deg/s"})
     assert_same(record, read(clean()))
+
+
+@pytest.mark.parametrize("ending", [".npy", ".npz", ".mat", ".json"])
+def test_array_that_holds_all_is_known_by_how_its_columns_change(ending: str, tmp_path: Path) -> None:
+    """Whatever it is called."""
+    path, array = tmp_path / f"run{ending}", in_blocks().to_numpy()
+    if ending == ".npy":
+        np.save(path, array)
+    elif ending == ".npz":
+        np.savez(path, array)
+    elif ending == ".mat":
+        savemat(path, {"data": array})
+    else:
+        path.write_text(json.dumps({"rows": array.tolist()}))
+    assert_same(read(str(path)), read(clean()))
+    if ending == ".npy":
+        np.save(path, undone(in_blocks()).to_numpy())
+        with pytest.raises(RecordError, match=r"no names of its 9 columns .* --map run=time,angle,speed,-2,torque\)"):
+            read(str(path))
+
+
+def test_arrays_of_one_kind_each_are_read_by_what_files_are_called(tmp_path: Path) -> None:
+    log = clean()
+    for name, columns in {"t": ["time"], "q": BLOCKS[:2], "dq": BLOCKS[2:4], "tau": BLOCKS[4:]}.items():
+        np.save(tmp_path / f"{name}.npy", log[columns].to_numpy())
+    (record,) = every_run(intake(), [str(tmp_path / f"{name}.npy") for name in ("t", "q", "dq", "tau")])
+    assert_same(record, read(log))
+    (tmp_path / "t.npy").write_bytes(b"no array")
+    with pytest.raises(RecordError, match=r"t\.npy: no file of a NumPy array"):
+        read(str(tmp_path / "t.npy"))
 
 
 def test_columns_that_may_be_several_things_are_left_to_the_user(tmp_path: Path) -> None:

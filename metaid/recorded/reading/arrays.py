@@ -1,4 +1,4 @@
-"""Files of named arrays, of NumPy (`.npz`), MATLAB (`.mat`) or JSON, as frames: a row a time, and a column a joint.
+"""Files of arrays, of NumPy (`.npz`, `.npy`), MATLAB (`.mat`) or JSON, as frames: a row a time, and a column a joint.
 
 An array that has a row for each time is as many columns as it has, `q` is `q_1`, `q_2` and so on; one that lies is
 turned. One alone of its width may have its columns' names beside it, in an array of as many words. Where no array holds
@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from metaid.errors import RecordError, first_of
 from metaid.recorded.reading.times import CLOCKS
 
-ARRAYS = (".npz", ".mat", ".json", ".jsonl")
+ARRAYS = (".npz", ".npy", ".mat", ".json", ".jsonl")
 STEPS, RATES = ("dt", "ts", "period"), ("fs", "rate")
 FEWEST = 10  # numbers in the longer direction of an array that may be a table
 MOST_NAMED = 8
@@ -33,7 +33,7 @@ Named = dict[str, NDArray[Any]]
 
 def arrays_frame(path: Path) -> pd.DataFrame:
     """The frame that a file of arrays makes.  Raises RecordError where none has a row for each time."""
-    read = {".npz": _numpy, ".mat": _matlab}.get(path.suffix, _json)
+    read = {".npz": _numpy, ".npy": _alone, ".mat": _matlab}.get(path.suffix, _json)
     found = read(path)
     while len(found) == 1 and isinstance(alone := next(iter(found.values())), dict):
         found = alone
@@ -71,6 +71,14 @@ def _numpy(path: Path) -> dict[str, Any]:
             return found
     except (zipfile.BadZipFile, zlib.error, EOFError) as problem:
         raise RecordError(f"{path}: no file of NumPy's arrays: {problem}") from None
+
+
+def _alone(path: Path) -> dict[str, Any]:
+    """The array in a file of one, by the name of the file."""
+    try:
+        return {path.stem: np.load(path, allow_pickle=False)}
+    except (ValueError, EOFError) as problem:
+        raise RecordError(f"{path}: no file of a NumPy array: {problem}") from None
 
 
 def _matlab(path: Path) -> dict[str, Any]:

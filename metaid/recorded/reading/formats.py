@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -34,7 +34,8 @@ class Table:
         load: reads some of the columns.
         notes: how it is written, where that is not the usual way.
         topic: of a bag.
-        is_nameless: whether the file has no names of columns, so that these are `column_1`, `column_2` and so on.
+        is_nameless: whether the file has no names of columns, so that these are `column_1`, `column_2` and so on, or
+            those of one array.
     """
 
     name: str
@@ -52,6 +53,10 @@ class Table:
             return self.load([back[column] for column in columns]).set_axis(list(columns), axis="columns")
 
         return replace(self, columns=tuple(names), load=load)
+
+    def is_called(self, names: Iterable[str]) -> bool:
+        """Whether some `names` are those of columns, or what several columns are called but for their number."""
+        return any(each in self.columns or f"{each}_1" in self.columns for each in names)
 
     def on_rate(self, rate: float) -> Table:
         """The same table with a column `time`, of so many rows a second."""

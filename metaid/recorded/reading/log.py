@@ -21,7 +21,7 @@ from metaid.recorded.reading.clock import on_true_clock
 from metaid.recorded.reading.columns import Understood, joints_beside, understood
 from metaid.recorded.reading.formats import tables_of
 from metaid.recorded.reading.merging import lacking, merged, sampled_at
-from metaid.recorded.reading.nameless import called_as_file, refusal
+from metaid.recorded.reading.nameless import called_as_file, marked, refusal
 from metaid.recorded.reading.plausible import refuse_few_rows, refuse_implausible
 from metaid.recorded.reading.readings import LogRun, counted
 from metaid.recorded.reading.repairs import rested, tamed, unwrapped, without_head, without_repeats
@@ -60,9 +60,10 @@ class Intake:
 
     def pieces(self, log: str | Path | pd.DataFrame, number: int) -> list[Understood]:
         """The tables in a log, of a bag one a topic; a frame has its `number` as its name.  Raises as `every_run`."""
-        tables = [called_as_file(table, len(self.joints)) for table in tables_of(log, number, self.topic)]
-        if not any("column" in said for both in self.columns.items() for said in both):
-            tables = [recognised(table, len(self.joints), self.rate) for table in tables]
+        count = len(self.joints)
+        tables = [called_as_file(marked(table), count) for table in tables_of(log, number, self.topic)]
+        said = {*self.columns, *self.columns.values()}
+        tables = [table if table.is_called(said) else recognised(table, count, self.rate) for table in tables]
         pieces = [understood(table, self.joints, self.columns) for table in tables]
         return pieces if self.rate is None else [piece.on_rate(self.rate) for piece in pieces]
 

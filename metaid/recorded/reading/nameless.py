@@ -15,6 +15,15 @@ from metaid.recorded.reading.words import KIND_OF, tokens_of
 USUAL = {1: "angle", 2: "angle,torque", 3: "angle,speed,torque", 4: "angle,speed,-{n},torque"}
 
 
+def marked(table: Table) -> Table:
+    """A table all of whose columns are of one array, of which nothing says what it holds, as one without names. Any
+    other as it is.
+    """
+    word, *others = {column.rpartition("_")[0] for column in table.columns}
+    says = not word or others or any(each in KIND_OF or each in CLOCKS for each in tokens_of(word))
+    return table if says else replace(table, is_nameless=True)
+
+
 def called_as_file(table: Table, njoint: int) -> Table:
     """A table without names whose file is called as one kind of readings, `q.txt` or `tau.csv`, with a column of each
     joint, or as a time with one column: its columns by that name. Any other as it is.
@@ -38,5 +47,5 @@ def refusal(table: Table, njoint: int) -> RecordError:
     time, rate = ("", " and --rate HZ") if others == 0 and each in USUAL else ("time,", "")
     return RecordError(
         f"{table.name}: no names of its {count} columns (allowed: a first line time, angle_1, torque_1, …; or what they"
-        f" are in their order, as --map column={time}{usual}{rate})"
+        f" are in their order, as --map {table.columns[0].rpartition('_')[0]}={time}{usual}{rate})"
     )
