@@ -133,6 +133,14 @@ def test_columns_without_names_are_known_by_how_they_change(said: str, tmp_path:
     assert any(f"no names of columns: taken as {said}" in each.text for each in record.repairs)
 
 
+def test_rows_without_readings_do_not_hide_how_columns_change(tmp_path: Path) -> None:
+    """As a recorder writes them that had none yet."""
+    log = in_joints()
+    log.iloc[0, 1:] = 1e300
+    np.savetxt(tmp_path / "run.txt", log)
+    np.testing.assert_allclose(read(str(tmp_path / "run.txt")).angles, read(clean()).angles[1:], atol=1e-12)
+
+
 def test_columns_of_one_joint_without_names_are_known(tmp_path: Path) -> None:
     columns = ["time", "angle_1", "speed_1", "torque_1"]
     np.savetxt(tmp_path / "run.txt", clean()[columns])

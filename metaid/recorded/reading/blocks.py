@@ -13,7 +13,7 @@ import pandas as pd
 
 from metaid.models import Array
 from metaid.recorded.reading.formats import Table
-from metaid.recorded.reading.readings import Repair
+from metaid.recorded.reading.readings import NO_READING, Repair
 from metaid.recorded.reading.times import FASTEST, SLOWEST, UNITS
 
 FEWEST, MOST = 3, 6  # columns of each joint
@@ -31,7 +31,8 @@ def recognised(table: Table, njoint: int, rate: float | None) -> Table:
     count = len(table.columns)
     if not table.is_nameless or not FEWEST * njoint <= count <= MOST * njoint + 1:
         return table
-    cells = table.load(table.columns).apply(pd.to_numeric, errors="coerce").dropna().to_numpy(dtype=np.float64)
+    cells = table.load(table.columns).apply(pd.to_numeric, errors="coerce").to_numpy(dtype=np.float64, na_value=np.nan)
+    cells = cells[(np.abs(cells) < NO_READING).all(axis=1)]
     found = list(_layouts(cells, njoint)) if len(cells) > STRIDES else []
     if len(found) != 1:
         return table

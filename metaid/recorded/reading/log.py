@@ -23,12 +23,11 @@ from metaid.recorded.reading.formats import tables_of
 from metaid.recorded.reading.merging import lacking, merged, sampled_at
 from metaid.recorded.reading.nameless import called_as_file, marked, refusal
 from metaid.recorded.reading.plausible import refuse_few_rows, refuse_implausible
-from metaid.recorded.reading.readings import LogRun, counted
+from metaid.recorded.reading.readings import NO_READING, LogRun, counted
 from metaid.recorded.reading.repairs import rested, tamed, unwrapped, without_head, without_repeats
 from metaid.recorded.reading.times import begins_again, in_order, in_seconds, numeric_times, runs_of
 
 MOST_NAMED = 8  # columns, in a message
-NO_READING = 1e15  # in any unit: what a recorder wrote that had none yet
 FEW_LEFT = 0.5  # of the rows: with more that lack a number, a log is refused
 
 

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from metaid.models import Array
 
+NO_READING = 1e15  # in any unit: what a recorder wrote that had none yet
+
 
 @dataclass(frozen=True)
 class Repair:
