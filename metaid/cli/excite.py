@@ -103,7 +103,7 @@ def _lines(found: Excitation) -> list[str]:
 
     told, count = found.forecast, int(found.forecast.determined.sum())
     lines = [
-        f"{count} of {len(told.names)} parameters will be known to a tenth; "
+        f"{count} of {len(told.determined)} parameters will be known to a tenth; "
         + (
             f"the torque of {joints_of(told.unknown)} to no better than a tenth"
             if told.unknown

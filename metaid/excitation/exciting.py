@@ -91,16 +91,16 @@ class Excitation:
     @property
     def parameters(self) -> list[dict[str, Any]]:
         """What a log will say of each parameter, as rows."""
-        told = self.forecast
+        model, told = self.problem.model, self.forecast
         columns: dict[str, Sequence[Any]] = {
-            "name": told.names,
-            "unit": told.units,
-            "nominal": told.nominal.tolist(),
+            "name": model.names,
+            "unit": model.units,
+            "nominal": self.problem.nominal.tolist(),
             "sd": told.deviations.tolist(),
             "determined": told.determined.tolist(),
             "second_motion": self.second.tolist(),
             "same_again": self.again.tolist(),
-            "expression": told.expressions,
+            "expression": model.expressions,
         }
         return [dict(zip(columns, each, strict=True)) for each in zip(*columns.values(), strict=True)]
 
@@ -170,9 +170,10 @@ def excite(
         first = improved(problem, criterion, best_of_random(problem, criterion, seed), seed)
         series = first[1]
         information, nothing = criterion.information(series), np.eye(len(criterion.scales))
-        others = (first, best_of_random(problem, criterion, seed + 1, SECOND, information))
-        another = max(others, key=lambda each: criterion.value(each[1], information))
-        _, second = improved(problem, criterion, another, seed + 1, SECOND, information)
+        beside = replace(criterion, before=information)
+        others = (first, best_of_random(problem, beside, seed + 1, SECOND))
+        another = max(others, key=lambda each: beside.value(each[1]))
+        _, second = improved(problem, beside, another, seed + 1, SECOND)
         usual = _deviations(information)
         return Excitation(
             plant.name,

@@ -38,20 +38,11 @@ class LogForecast:
     """What a log of a motion will say, were the nominal robot the truth.
 
     Attributes:
-        names: of the unknowns (nparam), friction included.
-        units: of them.
-        expressions: what each is made of.
-        nominal: the unknowns beforehand (nparam).
-        deviations: standard deviations that an estimate will have (nparam).
-        determined: which of them (nparam) are known to a tenth: of what they are, or of an arm what they may have been
-            wrong by beforehand.
+        deviations: standard deviations that an estimate of the unknowns will have (nparam), friction included.
+        determined: which of them (nparam) are known to a tenth, as `LinearModel.determined` has it.
         unknown: the joints whose torque will be predicted to no better than a tenth.
     """
 
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    expressions: tuple[str, ...]
-    nominal: Array
     deviations: Array
     determined: NDArray[np.bool_]
     unknown: tuple[str, ...]
@@ -110,18 +101,8 @@ def forecast(problem: MotionSearch, series: Series, seconds: float, noise: LogNo
     growth = np.mean(np.square(errors) / usual, axis=0)  # by errors that last longer than a covariance counts
     growth = (REHEARSED * growth + SHARED * growth.mean()) / (REHEARSED + SHARED)
     deviations = np.sqrt(growth * usual + prior)
-    whole = np.abs(nominal)
-    if not model.is_chain:
-        whole[: model.nbody] = np.maximum(whole[: model.nbody], np.sqrt(np.diag(model.covariance)))
-    return LogForecast(
-        model.names,
-        model.units,
-        model.expressions,
-        nominal,
-        deviations,
-        np.asarray(deviations <= COARSEST * whole, dtype=np.bool_),
-        _unknown(problem, series, found.covariance),
-    )
+    unknown = _unknown(problem, series, found.covariance)
+    return LogForecast(deviations, model.determined(nominal, deviations), unknown)
 
 
 def _unknown(problem: MotionSearch, series: Series, covariance: Array) -> tuple[str, ...]:

@@ -57,12 +57,14 @@ class Criterion:
         scales: the prior standard deviations of the unknowns (nparam).
         noise: of the torques (njoint), in N m or N.
         readings: how many independent ones a log has.
+        before: information that there is already (nparam x nparam).
     """
 
     model: LinearModel
     scales: Array
     noise: Array
     readings: float
+    before: Array | float = 0.0
 
     def information(self, series: Series, rows: Array | None = None) -> Array:
         """On the scaled unknowns (nparam x nparam), the prior included; `rows` is the regressor along the series
@@ -72,9 +74,9 @@ class Criterion:
         flat = (rows * self.scales / self.noise[:, None]).reshape(-1, len(self.scales))
         return np.asarray(self.readings / SAMPLES * flat.T @ flat + np.eye(len(self.scales)), dtype=np.float64)
 
-    def value(self, series: Series, before: Array | float = 0.0, rows: Array | None = None) -> float:
-        """Of a series, with the information (nparam x nparam) that there is `before`; `rows` as above."""
-        return float(np.linalg.slogdet(self.information(series, rows) + before)[1])
+    def value(self, series: Series, rows: Array | None = None) -> float:
+        """Of a series, beside what there is before; `rows` as above."""
+        return float(np.linalg.slogdet(self.information(series, rows) + self.before)[1])
 
 
 @dataclass(frozen=True)
@@ -172,9 +174,7 @@ def draws(problem: MotionSearch, seed: int | list[int], count: int) -> Iterator[
             yield shape, *followed
 
 
-def best_of_random(
-    problem: MotionSearch, criterion: Criterion, seed: int, count: int = DRAWN, before: Array | float = 0.0
-) -> tuple[Shape, Series]:
+def best_of_random(problem: MotionSearch, criterion: Criterion, seed: int, count: int = DRAWN) -> tuple[Shape, Series]:
     """The best of so many random series.
 
     Args:
@@ -182,14 +182,11 @@ def best_of_random(
         criterion: what is best.
         seed: of the draws.
         count: of the draws.
-        before: information that there is already (nparam x nparam).
 
     Raises:
         PlantError: none of them is allowed.
     """
-    there = [
-        (criterion.value(series, before, rows), shape, series) for shape, series, rows in draws(problem, seed, count)
-    ]
+    there = [(criterion.value(series, rows), shape, series) for shape, series, rows in draws(problem, seed, count)]
     ranked = sorted(there, key=lambda each: -each[0])
     for _, shape, series in ranked:
         if problem.is_clear(series) and problem.is_allowed(series):
@@ -207,7 +204,6 @@ def improved(
     begun: tuple[Shape, Series],
     seed: int,
     tries: int = IMPROVED,
-    before: Array | float = 0.0,
 ) -> tuple[Shape, Series]:
     """A series that is at least as good, by small random changes, and what it is scaled from.
 
@@ -217,11 +213,10 @@ def improved(
         begun: an allowed series, and what it was scaled from.
         seed: of the changes.
         tries: how many there are.
-        before: information that there is already (nparam x nparam).
     """
     random = np.random.default_rng([seed, 1])
     shape, series = begun
-    best, step, passed = criterion.value(series, before), FIRST, [begun]
+    best, step, passed = criterion.value(series), FIRST, [begun]
     for _ in range(tries):
         which = random.uniform(size=problem.model.njoint) < 0.5
         change = random.standard_normal((2, *shape.sines.shape)) / np.arange(1, HARMONICS + 1)
@@ -229,7 +224,7 @@ def improved(
         place = shape.place + step * which * random.standard_normal(len(shape.place))
         other = Shape(shape.sines + sines, shape.cosines + cosines, np.clip(place, 0.0, 1.0))
         tried = problem.within_torques(problem.scaled(other))
-        value = -np.inf if tried is None else criterion.value(tried[0], before, tried[1])
+        value = -np.inf if tried is None else criterion.value(*tried)
         if tried is not None and value > best and problem.is_clear(tried[0]):
             shape, best, step = other, value, min(GROWS * step, FIRST)
             passed.append((shape, tried[0]))

@@ -63,7 +63,7 @@ def judge_records(found: RecordedEstimate, facts: Sequence[str] = (), given: Giv
         facts: what looks wrong, as sentences.
         given: what the user has said of the logs; by default nothing.
     """
-    determined = _determined(found)
+    determined = found.model.determined(found.values, found.deviations, found.scale)
     lumps = _table(found, determined)
     is_known = bool(determined[: found.model.nbody].any())
     against = tuple(_against(found, is_known))
@@ -89,17 +89,6 @@ def predicted(found: RecordedEstimate) -> str:
         f"torques of {what} that were left out{where} are predicted to {held.relative:.2%} of what they are, by the "
         f"nominal bodies with fitted friction to {nominal.relative:.2%}"
     )
-
-
-def _determined(found: RecordedEstimate) -> NDArray[np.bool_]:
-    """Which unknowns (nparam) are known to a tenth: of what they are, or of an arm what they may have been wrong by
-    beforehand.
-    """
-    whole = np.abs(found.values)
-    if not found.model.is_chain:
-        beforehand = found.scale * np.sqrt(np.diag(found.model.covariance))
-        whole[: found.model.nbody] = np.maximum(whole[: found.model.nbody], beforehand)
-    return np.asarray(found.deviations <= COARSEST * whole, dtype=np.bool_)
 
 
 def _against(found: RecordedEstimate, is_known: bool) -> Iterator[str]:

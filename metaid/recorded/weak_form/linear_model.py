@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from metaid.models import Array, Chain
+from metaid.models import COARSEST, Array, Chain
 from metaid.models.tree import (
     COLUMNS,
     PARAMETERS,
@@ -227,6 +227,21 @@ class LinearModel:
         if self.passive.any():
             squares = np.where(self.passive, ((columns()[..., : self.nbody] * bodies) ** 2).sum(axis=-1), squares)
         return self.trusted_alone(squares)
+
+    def determined(self, values: Array, deviations: Array, scale: float = 1.0) -> NDArray[np.bool_]:
+        """Which unknowns (nparam) are known to a tenth: of what they are, or of an arm what they may have been wrong by
+        beforehand.
+
+        Args:
+            values: of the unknowns (nparam).
+            deviations: of these, standard deviations (nparam).
+            scale: of the nominal bodies.
+        """
+        whole = np.abs(values)
+        if not self.is_chain:
+            beforehand = scale * np.sqrt(np.diag(self.covariance))
+            whole[: self.nbody] = np.maximum(whole[: self.nbody], beforehand)
+        return np.asarray(deviations <= COARSEST * whole, dtype=np.bool_)
 
     def trusted_alone(self, torques: Array) -> Array:
         """Torques, or squares of them (... x njoint), 0 where they are not trusted."""
