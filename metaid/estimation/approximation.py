@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from metaid.models import COARSEST, DEVIATIONS, Array
+from metaid.models import COARSEST, DEVIATIONS, Array, jackknife
 
 MOST = 0.5  # of the numbers, or of the joint torques of an arm: on so many parts of the pushes agree to a tenth
 PROBABILITY = 0.975  # below the upper end of a 95 % interval
@@ -81,13 +81,6 @@ class HeldOutPushes:
     def deviations(self) -> Array:
         """Standard deviation of each unknown (nunknown) by repetition: the jackknife over the parts."""
         return jackknife(self.unknowns)
-
-
-def jackknife(fits: Array) -> Array:
-    """Standard deviations (...) of what fits without a part each (npart x ...) say."""
-    count = len(fits)
-    scatter = ((fits - fits.mean(axis=0)) ** 2).sum(axis=0)
-    return np.asarray(np.sqrt((count - 1) / count * scatter), dtype=np.float64)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ Pure functions of arrays: nothing here knows MuJoCo, Optuna or files.
 from metaid.models.chain import Chain, speeds_after
 from metaid.models.chain_of_lumps import chain_of_lumps
 from metaid.models.closest_bodies import Matrices
-from metaid.models.intervals import COARSEST, DEVIATIONS, deviations_at_once, half_width
+from metaid.models.intervals import COARSEST, DEVIATIONS, deviations_at_once, half_width, jackknife
 from metaid.models.known_lumps import KnownLumps, known_lumps
 from metaid.models.law import SLIDING, ChainModel, Trajectory, compensation_basis, mass_matrix
 from metaid.models.lumps import (

@@ -25,6 +25,13 @@ def deviations_at_once(count: int) -> float:
     return NormalDist().inv_cdf(0.5 * (1.0 + LEVEL ** (1.0 / count)))
 
 
+def jackknife(fits: Array) -> Array:
+    """Standard deviations (...) of what fits without a part each (npart x ...) say."""
+    count = len(fits)
+    scatter = ((fits - fits.mean(axis=0)) ** 2).sum(axis=0)
+    return np.asarray(np.sqrt((count - 1) / count * scatter), dtype=np.float64)
+
+
 def half_width(deviations: Array) -> float:
     """Half the widest of intervals that hold all values at once, ÷ its value, where these are the standard `deviations`
     (nvalue) of the values' logs.  Eq. 32.

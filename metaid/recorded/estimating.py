@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from metaid.errors import RecordError, first_of
-from metaid.models import Array
+from metaid.models import Array, jackknife
 from metaid.recorded.choosing import (
     BASE,
     Choices,
@@ -26,13 +26,12 @@ from metaid.recorded.held_out import HeldOut
 from metaid.recorded.reading.readings import LogRun
 from metaid.recorded.weak_form.equations import Equations, Solution, equations_of, first_equations
 from metaid.recorded.weak_form.linear_model import LinearModel
-from metaid.recorded.weak_form.normal import ZERO, solved
+from metaid.recorded.weak_form.normal import ZERO, pseudo_inverse, solved
 from metaid.recorded.weak_form.possible import Possible, PossibleModel
 from metaid.recorded.weak_form.smoothed import Smoothed, smoothed, smoothed_together
 
 FEW_STARTS = 10  # of simulations a fold, of an arm in space
 MANY_STARTS = 60  # of a pendulum
-MIDDLE = (0.2, 0.1, 0.3, 0.06, 0.5)  # s: lengths of windows, the first that fit
 LONGER = (0.1, 0.2, 0.3, 0.5)  # s: of windows, the first that are longer than those that were chosen
 MOST_NAMED = 3  # joints that a suspect is named with
 
@@ -129,7 +128,7 @@ def estimate_records(
     if still:
         raise RecordError(f"{still[0]}: too short, or no joint moves (allowed: some seconds of motion)")
     model = _with_idle(model.with_still(usual_still(logs)), logs)
-    first = first_equations(logs, model.with_friction(BASE), MIDDLE)
+    first = first_equations(logs, model.with_friction(BASE))
     scale = 1.0 if first is None or gains else torque_scale(first)
     logs = with_cutoff(logs, model, model.is_pendulum and choices.zeros is not False, scale)
     chosen = choose(logs, model, choices, scale)
@@ -182,7 +181,7 @@ def equations_like(found: RecordedEstimate, record: LogRun) -> Equations:
     RecordError where it is too short.
     """
     chosen = found.equations
-    equations = equations_of([smoothed(record)], chosen.model, chosen.span, chosen.finest.degree)
+    equations = equations_of([smoothed(record)], chosen.model, chosen.span)
     if equations is None:
         raise RecordError(f"{record.name}: too short, or no joint moves (allowed: some seconds of motion)")
     return equations.with_choices_of(chosen)
@@ -231,11 +230,7 @@ def _projected(equations: Equations, possible: PossibleModel) -> Array:
     if possible.jacobian is None:
         return covariance
     precision, jacobian = equations.solution.precision, possible.jacobian
-    scale = 1.0 / np.sqrt(np.diag(precision))
-    weighed = jacobian / scale[:, None]
-    inner = weighed.T @ (precision * np.outer(scale, scale)) @ weighed
-    size = 1.0 / np.sqrt(np.maximum(np.diag(inner), 1e-300))
-    inverse = np.linalg.pinv(inner * np.outer(size, size), rcond=1e-12, hermitian=True) * np.outer(size, size)
+    inverse = pseudo_inverse(jacobian.T @ precision @ jacobian, 1e-12)
     onto = jacobian @ inverse @ jacobian.T @ precision
     return np.asarray(onto @ covariance @ onto.T, dtype=np.float64)
 
@@ -244,10 +239,8 @@ def _widened(covariance: Array, repeated: Array) -> Array:
     """A covariance (nparam x nparam) that is at least as wide as the unknowns differ without each fold (nfold x
     nparam): the jackknife is its lower bound.  Eq. 71.
     """
-    folds = len(repeated)
     deviations = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
-    jackknife = (folds - 1.0) / folds * ((repeated - repeated.mean(axis=0)) ** 2).sum(axis=0)
-    growth = np.sqrt(np.maximum(jackknife, deviations**2)) / deviations
+    growth = np.maximum(jackknife(repeated), deviations) / deviations
     return np.asarray(covariance * np.outer(growth, growth), dtype=np.float64)
 
 

@@ -15,7 +15,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from metaid.errors import RecordError
-from metaid.models import COARSEST, DEVIATIONS, Array
+from metaid.models import COARSEST, DEVIATIONS, Array, jackknife
 from metaid.models.tree import torque_regressor
 from metaid.recorded.weak_form.equations import Equations, first_equations
 from metaid.recorded.weak_form.folds import THIRDS
@@ -25,7 +25,6 @@ from metaid.recorded.weak_form.parts import Part
 from metaid.recorded.weak_form.smoothed import Smoothed
 
 FRICTION = ("viscous", "coulomb", "root", "offset")
-SPANS = (0.2, 0.3, 0.1, 0.5, 0.06)  # s: lengths of windows, the first that fit
 FIRST = 10  # of a body's parameters: mass, first moments, moments of inertia
 APART = 0.5  # by which gains of one robot's joints differ beforehand, as a share of them
 LEAST_MASS, MOST_MASS = 1e-3, 1e4  # kg
@@ -107,7 +106,7 @@ def drive_gains(unloaded: Sequence[Smoothed], loaded: Sequence[tuple[Smoothed, P
     """
     logs = [*unloaded, *(own for own, _ in loaded)]
     model = model.with_friction(FRICTION)
-    equations = first_equations(logs, model, SPANS)
+    equations = first_equations(logs, model)
     if equations is None:
         raise RecordError(
             f"{logs[-1].record.name}: too short for the gains of {model.njoint} joints (allowed: more motion)"
@@ -216,8 +215,6 @@ def _of_joint(equations: Equations, columns: Sequence[Array], joint: int) -> tup
         solved(grams.sum(axis=0) - gram, moments.sum(axis=0) - moment)[1][-1]
         for gram, moment in zip(grams, moments, strict=True)
     ])  # fmt: skip
-    count = len(without)
-    jackknife = (count - 1.0) / count * ((without - without.mean()) ** 2).sum()  # Eq. 71
-    jackknife *= (stdtrit(count - 1.0, 0.975) / DEVIATIONS) ** 2  # Student's t: of so few parts
+    spread = jackknife(without) * stdtrit(len(without) - 1.0, 0.975) / DEVIATIONS  # Student's t: of so few parts
     unit = usual / sizes[-1]
-    return float(values[-1] * unit), float(np.sqrt(max(own_variance, jackknife)) * unit)
+    return float(values[-1] * unit), float(max(np.sqrt(own_variance), spread) * unit)  # Eq. 71

@@ -130,7 +130,7 @@ def test_window_spans_no_gap_of_the_log(chain_log: tuple[LogRun, LinearModel, Ar
     kept = np.ones(len(record.times), dtype=np.bool_)
     kept[1000:1050] = kept[2000] = False
     gapped = replace(record, times=record.times[kept], angles=record.angles[kept], torques=record.torques[kept])
-    windows = cut_windows(gapped, 0.2, 6)
+    windows = cut_windows(gapped, 0.2)
     assert windows is not None
     assert not windows.overlapping(record.times[1000], record.times[1049]).any()
     assert windows.overlapping(record.times[1999], record.times[2001]).any()

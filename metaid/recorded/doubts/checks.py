@@ -38,7 +38,6 @@ from metaid.recorded.given import Option
 from metaid.recorded.weak_form.equations import Equations, first_equations
 from metaid.recorded.weak_form.normal import FAR_ZERO
 
-SPANS = (0.2, 0.3, 0.1, 0.5)  # s: lengths of windows, the first that fit
 MOST = 80  # windows of a check, of all logs
 SELDOM = 0.5  # as NAMED of gravity, which many other faults look like
 BOTH = 0.7  # of what one leaves: as NAMED of two at once, for there are many pairs
@@ -60,7 +59,7 @@ def facts_of(found: RecordedEstimate, measured: Absolute | None = None) -> tuple
         return (odd,)
     dead = found.model.passive & ~found.equations.held & (found.held_out.by_joint > DRIVEN)
     driven = tuple(_driven(name) for name in found.model.named(dead))
-    plain = first_equations(found.logs, found.model.with_friction(BESIDE), SPANS)
+    plain = first_equations(found.logs, found.model.with_friction(BESIDE))
     if plain is None:
         return driven
     check = _thinned(found, plain, absolute_of(found.model) if measured is None else measured)

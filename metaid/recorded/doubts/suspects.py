@@ -16,7 +16,7 @@ from metaid.models import Array
 from metaid.models.tree import PARAMETERS, ArmPrior, Tree, friction_torque, misplaced, rigid_torque
 from metaid.recorded.weak_form.equations import Equations
 from metaid.recorded.weak_form.linear_model import RIGID
-from metaid.recorded.weak_form.normal import eliminated_covariance
+from metaid.recorded.weak_form.normal import eliminated_covariance, pseudo_inverse
 from metaid.recorded.weak_form.parts import SHIFT, Part
 
 SIGNIFICANT = 4.0  # standard deviations from nothing: the verdict names it
@@ -81,8 +81,7 @@ def examined(equations: Equations, values: Array, suspect: Suspect) -> tuple[Arr
         other = suspect.deviations**-2.0
     at = np.arange(nparam, nparam + nother)
     gram[at, at] += other
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(gram), 1e-300))
-    inverse = np.linalg.pinv(gram * np.outer(scale, scale), rcond=1e-13, hermitian=True) * np.outer(scale, scale)
+    inverse = pseudo_inverse(gram, 1e-13)
     found = inverse @ moment
     scores = [
         np.einsum("waip,ij,waj->wp", own, weight, missed - own @ found, optimize=True)

@@ -23,12 +23,14 @@ from metaid.recorded.weak_form.normal import (
     eliminated,
     eliminated_covariance,
     prior_of,
+    solved,
 )
 from metaid.recorded.weak_form.parts import Part, loads_of
 from metaid.recorded.weak_form.smoothed import Smoothed
-from metaid.recorded.weak_form.windows import LogWindows, cut_windows, usual_degree
+from metaid.recorded.weak_form.windows import LogWindows, cut_windows
 
 LASTS = 0.3  # s: how long an error of the model lasts at least
+MIDDLE = (0.2, 0.1, 0.3, 0.06, 0.5)  # s: lengths of windows, the first that fit
 ROUNDS = 3  # of the covariance across joints
 PASSES = 3  # of Newton's steps for zeros and for the friction that grows with load
 LEAST = 1e-9  # of the largest torque, that any joint's error is at least: rounding
@@ -72,7 +74,7 @@ class Equations:
 
     parts: tuple[Part, ...]
     model: LinearModel
-    zeros: bool
+    zeros: bool = False
     delay: float = 0.0
     scale: float = 1.0
     doubt: float = 1.0
@@ -338,8 +340,7 @@ class Equations:
         for columns, left in self.beside_zeros(self.left(values)):
             scores.append(np.einsum("wajp,jk,wak->wp", columns, solution.weight, left, optimize=True))
             readings += left.size
-        scale = 1.0 / np.sqrt(np.diag(solution.precision))
-        inverse = np.linalg.inv(solution.precision * np.outer(scale, scale)) * np.outer(scale, scale)
+        inverse = solved(solution.precision, np.eye(nparam))
         few = readings / max(readings - nparam, 1)
         return few * eliminated_covariance(inverse, scores, self.lags) + inverse @ solution.prior @ inverse
 
@@ -349,29 +350,21 @@ def _apart(covariance: Array, which: NDArray[np.bool_], variance: float) -> Arra
     return np.where(np.outer(~which, ~which), covariance, variance * np.diag(which.astype(float)))
 
 
-def equations_of(
-    logs: Sequence[Smoothed], model: LinearModel, span: float, power: int | None = None
-) -> Equations | None:
-    """The equations of windows of one length; None where a log has no such windows in which it moves, or there are too
-    few of all.
-
-    Args:
-        logs: on their grids.
-        model: what is unknown.
-        span: length of the windows, in s.
-        power: degree of the polynomials; by default what is usual of that length.
+def equations_of(logs: Sequence[Smoothed], model: LinearModel, span: float) -> Equations | None:
+    """The equations of windows of one length, in s; None where a log has no such windows in which it moves, or there
+    are too few of all.
     """
     parts = []
     for log, own in enumerate(logs):
-        windows = cut_windows(own.record, span, usual_degree(span) if power is None else power)
+        windows = cut_windows(own.record, span)
         if windows is None or len(windows) < THIRDS:
             return None
         parts.append(Part(log, windows, own))
-    equations = Equations(tuple(parts), model, False, nlog=len(parts))
+    equations = Equations(tuple(parts), model, nlog=len(parts))
     return equations if equations.is_enough else None
 
 
-def first_equations(logs: Sequence[Smoothed], model: LinearModel, spans: Iterable[float]) -> Equations | None:
+def first_equations(logs: Sequence[Smoothed], model: LinearModel, spans: Iterable[float] = MIDDLE) -> Equations | None:
     """The equations of the first windows, by their length in s, that all logs have enough of; None where there are
     none.
     """

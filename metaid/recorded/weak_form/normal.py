@@ -79,6 +79,15 @@ def solved(precision: Array, moment: Array) -> Array:
     return (scale * np.linalg.solve(precision * np.outer(scale, scale), (scale * moment.T).T).T).T
 
 
+def pseudo_inverse(gram: Array, least: float) -> Array:
+    """P⁺ of a positive semidefinite matrix (n x n), whatever the units of the unknowns are: eigenvalues below a share
+    `least` of the largest count as 0.
+    """
+    scales = 1.0 / np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    both = np.outer(scales, scales)
+    return np.asarray(np.linalg.pinv(gram * both, rcond=least, hermitian=True) * both, dtype=np.float64)
+
+
 def eliminated_covariance(inverse: Array, scores: Sequence[Array], lags: int) -> Array:
     """H⁻¹ S H⁻¹, with S the sum of the products of the scores (nwindow x nparam) of windows of one log that are at most
     `lags` apart.  Eq. 70.

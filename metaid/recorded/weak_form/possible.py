@@ -17,6 +17,7 @@ from metaid.models import Array, Matrices, Nearest
 from metaid.models.tree import PARAMETERS, Tree, nominal_pseudo_inertias, pseudo_inertia
 from metaid.recorded.weak_form.equations import Equations, Solution
 from metaid.recorded.weak_form.linear_model import RIGID
+from metaid.recorded.weak_form.normal import solved
 
 SMALL = 1e-3  # of a friction's deviation: what is not above 0 is kept so near to it
 THIN = 0.1  # of what a rotor may be beforehand: a nominal rotor of 0 counts as this
@@ -161,8 +162,7 @@ class Possible:
     def closest(self, solution: Solution) -> PossibleModel:
         """The possible model that costs least, from a solution that was fitted freely.  Eq. 69."""
         values, precision = solution.values, solution.precision
-        scale = 1.0 / np.sqrt(np.diag(precision))
-        deviations = scale * np.sqrt(np.maximum(np.diag(np.linalg.inv(precision * np.outer(scale, scale))), 0.0))
+        deviations = np.sqrt(np.maximum(np.diag(solved(precision, np.eye(len(values)))), 0.0))
         rows, sizes = self._friction_rows(values, deviations)
         friction = values[self._friction]
         if (rows @ friction < 0.5 * sizes).any():  # as near as can be to what was fitted, and inside

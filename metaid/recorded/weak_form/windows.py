@@ -130,21 +130,13 @@ class LogWindows:
         return averaged
 
 
-def usual_degree(span: float) -> int:
-    """The degree of the polynomials of windows of this length, in s."""
-    return DEGREES[min(DEGREES, key=lambda each: abs(np.log(each / span)))]
-
-
-def cut_windows(record: LogRun, span: float, power: int) -> LogWindows | None:
-    """The windows of a log in which the robot moves; None where there is none with readings enough.
+def cut_windows(record: LogRun, span: float) -> LogWindows | None:
+    """The windows of a log in which the robot moves; None where there is none with readings enough. Each has a length
+    of `span`, in s; of a log that is read too rarely for it, of FEW readings.
 
     In a window's own time s, from −1 to 1, the angles are a sum of Legendre polynomials.
-
-    Args:
-        record: the log.
-        span: length of a window, in s; of a log that is read too rarely for it, windows are as long as FEW readings.
-        power: degree of the polynomials.
     """
+    power = DEGREES[min(DEGREES, key=lambda each: abs(np.log(each / span)))]
     if record.period > RARELY:
         span, power = FEW * record.period, COARSE
     first, last = record.times[0], record.times[-1]
