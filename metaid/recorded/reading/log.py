@@ -22,7 +22,7 @@ from metaid.recorded.reading.columns import Understood, joints_beside, understoo
 from metaid.recorded.reading.formats import tables_of
 from metaid.recorded.reading.merging import lacking, merged, sampled_at
 from metaid.recorded.reading.nameless import called_as_file, marked, refusal
-from metaid.recorded.reading.plausible import refuse_few_rows, refuse_implausible
+from metaid.recorded.reading.plausible import refuse_degrees, refuse_few_rows, refuse_other_speeds
 from metaid.recorded.reading.readings import NO_READING, LogRun, counted
 from metaid.recorded.reading.repairs import rested, tamed, unwrapped, without_head, without_repeats
 from metaid.recorded.reading.times import begins_again, in_order, in_seconds, numeric_times, runs_of
@@ -131,7 +131,12 @@ class Intake:
         runs = [rested(run) for run in timed]
         moving = [run for run in runs if (np.ptp(run.angles, axis=0) > 0.0).any()] or runs
         for run in moving:
-            refuse_implausible(run, self.slides, self.endless, self.needs_torques, self.rate)
+            refuse_degrees(run, self.slides, self.endless)
+            refuse_other_speeds(run, self.rate)
+            if self.needs_torques and not run.torques.any():
+                raise RecordError(f"{run.name}: every torque is 0, so nothing says how heavy the links are")
+            if not (np.ptp(run.angles, axis=0) > 0.0).any():
+                raise RecordError(f"{run.name}: no joint moves")
         still = len(runs) - len(moving)
         if still:
             moving[0] = moving[0].repaired("rest", still, f"{counted(still, 'run')} in which no joint moves left out")

@@ -30,33 +30,10 @@ def refuse_few_rows(readings: LogRun) -> None:
         raise RecordError(f"{readings.name}: {len(readings)} rows{''.join(repeated)} (allowed: {LEAST_ROWS} or more)")
 
 
-def refuse_implausible(
-    readings: LogRun,
-    slides: NDArray[np.bool_],
-    endless: NDArray[np.bool_] | bool,
-    needs_torques: bool,
-    rate: float | None = None,
-) -> None:
-    """Raises RecordError where angles are in degrees, speeds are not how angles change, torques are all 0, or nothing
-    moves.
-
-    Args:
-        readings: a log, repaired.
-        slides: which joints (njoint) are slides.
-        endless: which joints (njoint) turn without an end.
-        needs_torques: whether the torques must be in it.
-        rate: rows a second that the user says; None: the log has times.
+def refuse_degrees(readings: LogRun, slides: NDArray[np.bool_], endless: NDArray[np.bool_] | bool) -> None:
+    """Raises RecordError where the angles of a joint that is none of the `slides`, nor turns `endless` (njoint each),
+    look like degrees.
     """
-    _refuse_degrees(readings, slides, endless)
-    if readings.speeds is not None:
-        _refuse_other_speeds(readings, readings.speeds, rate)
-    if needs_torques and not readings.torques.any():
-        raise RecordError(f"{readings.name}: every torque is 0, so nothing says how heavy the links are")
-    if not (np.ptp(readings.angles, axis=0) > 0.0).any():
-        raise RecordError(f"{readings.name}: no joint moves")
-
-
-def _refuse_degrees(readings: LogRun, slides: NDArray[np.bool_], endless: NDArray[np.bool_] | bool) -> None:
     is_said = np.array([RADIANS.search(name) is not None for name in readings.names["angle"]])
     stride = max(1, round(0.05 / readings.period))
     moved = np.abs(readings.angles[stride:] - readings.angles[:-stride]).max(axis=0, initial=0.0)
@@ -71,11 +48,11 @@ def _refuse_degrees(readings: LogRun, slides: NDArray[np.bool_], endless: NDArra
         )
 
 
-def _refuse_other_speeds(readings: LogRun, speeds: Array, rate: float | None) -> None:
-    """Speeds that are not how fast the angles change. Where all are as many times that, a `rate` that the user says may
-    be wrong.
+def refuse_other_speeds(readings: LogRun, rate: float | None) -> None:
+    """Raises RecordError where speeds are not how fast the angles change. Where all are as many times that, a `rate`
+    that the user says may be wrong.
     """
-    ratios = _ratios(readings, speeds)
+    ratios = {} if readings.speeds is None else _ratios(readings, readings.speeds)
     for joint, ratio in ratios.items():
         if not 1.0 / FAR_FROM_ONE < ratio < FAR_FROM_ONE:
             is_near = abs(abs(np.log(max(abs(ratio), 1e-9))) - np.log(DEGREES)) < 0.4
