@@ -141,7 +141,7 @@ def estimate_records(
     covariance = _widened(_projected(equations, possible), repeated)
     if gains is not None:
         covariance = covariance + _of_gains(equations, gains.relative)
-    systematic, lacking = _systematic(equations, logs, possible.values, gains is None)
+    systematic, lacking = _systematic(equations, possible.values, gains)
     factors = scales_of(equations)
     return RecordedEstimate(
         model=equations.model,
@@ -257,20 +257,12 @@ def _of_gains(equations: Equations, relative: Array) -> Array:
     return np.asarray((changes * relative**2) @ changes.T, dtype=np.float64)
 
 
-def _systematic(
-    equations: Equations, logs: Sequence[Smoothed], values: Array, scales: bool
-) -> tuple[Array, tuple[str, ...]]:
+def _systematic(equations: Equations, values: Array, gains: Gains | None) -> tuple[Array, tuple[str, ...]]:
     """Standard deviations of what the model may lack would change of the unknowns (nparam), and what the logs show of
-    it.  Eq. 71.
-
-    Args:
-        equations: of all windows.
-        logs: on their grids.
-        values: the unknowns (nparam).
-        scales: whether the torques of joints may have scales of their own.
+    it; torques of joints may have scales of their own where no `gains` are told.  Eq. 71.
     """
     changes, lacking = [], []
-    for suspect in suspects(equations, values, scales):
+    for suspect in suspects(equations, values, gains is None):
         change, joints = examined(equations, values, suspect)
         changes.append(change)
         names = [equations.model.joints[joint] for joint in joints]
@@ -283,7 +275,7 @@ def _systematic(
     if _unexplained(prompt) < WORTH * _unexplained(equations):
         lacking.append(f"a delay of {1e3 * late:.2g} ms")
     for span in [span for span in LONGER if span > equations.span][:1]:
-        other = equations_of(logs, equations.model, span)
+        other = equations_of([part.smoothed for part in equations.parts], equations.model, span)
         if other is not None:
             changes.append(other.with_choices_of(equations).solution.values - free)
     return np.sqrt(np.sum(np.square(changes), axis=0)), tuple(lacking)

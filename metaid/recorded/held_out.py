@@ -67,8 +67,8 @@ class HeldOut:
 
     def _usual(self, squares: Sequence[Array]) -> Array:
         """The root of the mean over all rows, from the sum of `squares` of each part (njoint each)."""
-        count = sum((part.counts for part in self.parts), np.zeros(len(self.joints), dtype=np.intp))
-        return np.sqrt(sum(squares, np.zeros(len(self.joints))) / np.maximum(count, 1))
+        count = np.sum([part.counts for part in self.parts], axis=0)
+        return np.asarray(np.sqrt(np.sum(squares, axis=0) / np.maximum(count, 1)), dtype=np.float64)
 
     @cached_property
     def folds(self) -> Array:
