@@ -79,7 +79,7 @@ def choose(logs: Sequence[Smoothed], model: LinearModel, choices: Choices, scale
     Raises:
         RecordError: the logs have too little of it.
     """
-    asked = choices.friction
+    logs, asked = _with_cutoff(logs, model, choices, scale), choices.friction
     terms = BASE if asked is None else asked
     search = Search(logs, model.with_friction(terms), SPANS if choices.span is None else [choices.span])
     said = replace(search.by_span[0], zeros=bool(choices.zeros), delay=choices.delay or 0.0, scale=scale)
@@ -166,21 +166,22 @@ def likely_delay(present: Equations) -> tuple[float, bool]:
     return float(found.x), False
 
 
-def with_cutoff(logs: Sequence[Smoothed], model: LinearModel, zeros: bool, scale: float) -> tuple[Smoothed, ...]:
+def _with_cutoff(logs: Sequence[Smoothed], model: LinearModel, choices: Choices, scale: float) -> tuple[Smoothed, ...]:
     """The logs with the highest cut-off of the torques' filter at which what is left out is predicted nearly as well as
     with any: above it there is noise of the angles, differentiated twice, and no motion that a model could explain.
 
     Args:
         logs: on their grids.
         model: what is unknown.
-        zeros: whether those of the encoders are unknown.
-        scale: of all torques.
+        choices: of the user.
+        scale: of the nominal bodies.
     """
     spans = [span for span in sorted(SPANS, reverse=True) if span <= USUAL]
     equations = first_equations(logs, model.with_friction(BASE), spans)
     if equations is None:
         return tuple(logs)
     folds = folds_of(logs, equations.middles)
+    zeros = model.is_pendulum and choices.zeros is not False
     equations = replace(equations, zeros=zeros, scale=scale, folds=folds)
     errors = {}
     for cutoff in CUTOFFS:

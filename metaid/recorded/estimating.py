@@ -9,15 +9,7 @@ import numpy as np
 
 from metaid.errors import RecordError, first_of
 from metaid.models import Array, jackknife
-from metaid.recorded.choosing import (
-    BASE,
-    Choices,
-    Chosen,
-    choose,
-    likely_delay,
-    usual_still,
-    with_cutoff,
-)
+from metaid.recorded.choosing import Choices, Chosen, choose, likely_delay, usual_still
 from metaid.recorded.comparing import WORTH
 from metaid.recorded.doubts.scales import scales_of, torque_scale
 from metaid.recorded.doubts.suspects import examined, suspects
@@ -25,7 +17,7 @@ from metaid.recorded.gains import Gains
 from metaid.recorded.held_out import HeldOut
 from metaid.recorded.reading.readings import LogRun
 from metaid.recorded.weak_form.equations import Equations, Solution, equations_of, first_equations
-from metaid.recorded.weak_form.linear_model import LinearModel
+from metaid.recorded.weak_form.linear_model import BASE, LinearModel
 from metaid.recorded.weak_form.normal import ZERO, pseudo_inverse, solved
 from metaid.recorded.weak_form.possible import Possible, PossibleModel
 from metaid.recorded.weak_form.smoothed import Smoothed, smoothed, smoothed_together
@@ -47,7 +39,6 @@ class RecordedEstimate:
         simulator: the same with what a simulator has alone: viscous and Coulomb friction, and springs.
         covariance: of the unknowns, from repetition (nparam x nparam), in their units.
         systematic: standard deviations of what wrong zeros, scales or geometry would change (nparam).
-        repeated: the unknowns without each fold (nfold x nparam).
         zeros: of the encoders of each log (nlog x njoint), in rad; added to what was read.
         scale: of all torques, by which they differ from what the nominal bodies need.
         carried: how many times that each joint carries of what the nominal bodies weigh (njoint); NaN where it does not
@@ -69,7 +60,6 @@ class RecordedEstimate:
     simulator: PossibleModel
     covariance: Array
     systematic: Array
-    repeated: Array
     zeros: Array
     scale: float
     carried: Array
@@ -130,15 +120,13 @@ def estimate_records(
     model = _with_idle(model.with_still(usual_still(logs)), logs)
     first = first_equations(logs, model.with_friction(BASE))
     scale = 1.0 if first is None or gains else torque_scale(first)
-    logs = with_cutoff(logs, model, model.is_pendulum and choices.zeros is not False, scale)
     chosen = choose(logs, model, choices, scale)
     equations, yardstick = chosen.equations, chosen.yardstick
     starts = MANY_STARTS if model.is_pendulum else FEW_STARTS
     possible, solutions = _possible(equations)
     plain = equations.with_model(equations.model.plain)
     simulator, simulator_solutions = _possible(plain)
-    repeated = np.array([each.values for each in solutions])
-    covariance = _widened(_projected(equations, possible), repeated)
+    covariance = _widened(_projected(equations, possible), np.array([each.values for each in solutions]))
     if gains is not None:
         covariance = covariance + _of_gains(equations, gains.relative)
     systematic, lacking = _systematic(equations, possible.values, gains)
@@ -150,7 +138,6 @@ def estimate_records(
         simulator=simulator,
         covariance=covariance,
         systematic=systematic,
-        repeated=repeated,
         zeros=_zeros(equations, possible.values),
         scale=scale,
         carried=np.where(equations.held, np.nan, factors.by_weight / scale),
@@ -160,7 +147,7 @@ def estimate_records(
         nominal_held_out=yardstick.judged(equations, _nominal(equations), starts),
         misfit=_misfit(equations, possible.values),
         lacking=lacking,
-        logs=logs,
+        logs=yardstick.logs,
         moved=float(sum(own.judged.sum() * own.period for own in logs)),
         gains=gains,
     )

@@ -6,17 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from metaid.recorded.choosing import BASE
 from metaid.recorded.doubts.conventions import Fact
 from metaid.recorded.estimating import RecordedEstimate
+from metaid.recorded.weak_form.linear_model import BASE
 
 SPOILS = 0.5  # of the error with which the others are predicted with the log: without it they are to less
 
 
 def odd_log(found: RecordedEstimate) -> Fact | None:
     """Of whole logs that were held out those without which the others predict one another far better; None where there
-    are none. Friction is the plainest then, and encoders have no zeros: what was
-    chosen with such a log need not suit the others. With it they are predicted so, or as the estimate does, if better.
+    are none. Friction is the plainest then, and encoders have no zeros: what was chosen with such a log need not suit
+    the others. With it they are predicted so, or as the estimate does, if better.
     """
     yardstick, chosen = found.chosen.yardstick, found.equations
     if yardstick.by != "logs":
