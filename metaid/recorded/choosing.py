@@ -21,8 +21,8 @@ from metaid.recorded.weak_form.folds import folds_of
 from metaid.recorded.weak_form.linear_model import BASE, LinearModel
 from metaid.recorded.weak_form.possible import Possible
 from metaid.recorded.weak_form.smoothed import CUTOFFS, Smoothed
+from metaid.recorded.weak_form.windows import DEGREES
 
-SPANS = (0.06, 0.1, 0.15, 0.2, 0.25, 0.35, 0.3, 0.5)  # s: lengths of windows, the finest first
 ALIKE = 1.005  # times the least error: of windows that predict alike the finest tell most
 DELAYS = np.arange(-0.040, 0.0401, 0.002)  # s
 DOUBTS = (3.0, 10.0, 30.0)  # times the deviations of the bodies' prior
@@ -81,7 +81,7 @@ def choose(logs: Sequence[Smoothed], model: LinearModel, choices: Choices, scale
     """
     logs, asked = _with_cutoff(logs, model, choices, scale), choices.friction
     terms = BASE if asked is None else asked
-    search = Search(logs, model.with_friction(terms), SPANS if choices.span is None else [choices.span])
+    search = Search(logs, model.with_friction(terms), [*DEGREES] if choices.span is None else [choices.span])
     said = replace(search.by_span[0], zeros=bool(choices.zeros), delay=choices.delay or 0.0, scale=scale)
     best = _best_windows(search, said)
     if choices.delay is None:
@@ -176,7 +176,7 @@ def _with_cutoff(logs: Sequence[Smoothed], model: LinearModel, choices: Choices,
         choices: of the user.
         scale: of the nominal bodies.
     """
-    spans = [span for span in sorted(SPANS, reverse=True) if span <= USUAL]
+    spans = [span for span in sorted(DEGREES, reverse=True) if span <= USUAL]
     equations = first_equations(logs, model.with_friction(BASE), spans)
     if equations is None:
         return tuple(logs)

@@ -100,17 +100,16 @@ def estimate(
 
     for output in outputs:
         refuse_output(output, (*SUFFIXES, *FIGURE_SUFFIXES))
-        if output.suffix in FIGURE_SUFFIXES:
-            figure_of(output)
+    models = [output for output in outputs if output.suffix not in FIGURE_SUFFIXES]
+    figures = {output: figure_of(output) for output in outputs if output not in models}
     if report is not None:
         refuse_output(report, (".html",), "--report")
     result = metaid.estimate(**{name: READ[name](given) if name in READ else given for name, given in asked.items()})
     warn(result.nominal_repairs)
     has_numbers = result.verdict.is_found or even_if_not_found
-    models = [output for output in outputs if output.suffix not in FIGURE_SUFFIXES]
     files = [_written(result, output) for output in models] if has_numbers else []
     if has_numbers:
-        draw(result, [output for output in outputs if output.suffix in FIGURE_SUFFIXES])
+        draw(result, figures)
     if report is not None:
         with whole_file(report, (".html",), "--report") as partial:
             partial.write_text(show.render_log(result, typed(click.get_current_context()), files), encoding="utf-8")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -28,13 +28,12 @@ def figure_of(output: Path) -> str:
     return name
 
 
-def draw(result: RecordedResult, outputs: Sequence[Path]) -> None:
-    """Writes pictures."""
-    if not outputs:
+def draw(result: RecordedResult, figures: Mapping[Path, str]) -> None:
+    """Writes figures to files, each by its name."""
+    if not figures:
         return
     gallery = metaid.figures.LogGallery(result)
-    for output in outputs:
-        name = figure_of(output)
+    for output, name in figures.items():
         if name not in gallery.makers:
             raise RecordError(f"{output}: gravity loads no joint (allowed: {', '.join(gallery.makers)})")
         with whole_file(output, FIGURE_SUFFIXES) as partial:

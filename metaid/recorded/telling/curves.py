@@ -92,8 +92,6 @@ def _told(columns: Array, values: Array, covariance: Array) -> tuple[Array, Arra
 def _usual_load(found: RecordedEstimate) -> Array:
     """The mean size of the torque of the bodies in each joint (njoint), in N m or N."""
     bodies = found.values[: found.model.nbody]
-    sizes = []
-    for own, zeros in zip(found.logs, found.zeros, strict=True):
-        rigid = own.rigid(found.model, bodies, zeros)
-        sizes.append(np.abs(rigid[own.judged]))
-    return np.asarray(np.concatenate(sizes).mean(axis=0), dtype=np.float64)
+    logs = zip(found.logs, found.zeros, strict=True)
+    loads = [own.rigid(found.model, bodies, zeros)[own.judged] for own, zeros in logs]
+    return np.asarray(np.abs(np.concatenate(loads)).mean(axis=0), dtype=np.float64)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from metaid.models import Array
 from metaid.recorded.reading.readings import LogRun
 
-DEGREES = {0.06: 4, 0.1: 5, 0.15: 4, 0.2: 6, 0.25: 4, 0.35: 4, 0.3: 8, 0.5: 10}  # by length in s
+DEGREES = {0.06: 4, 0.1: 5, 0.15: 4, 0.2: 6, 0.25: 4, 0.35: 4, 0.3: 8, 0.5: 10}  # by length in s, the finest first
 OVERLAP = 0.5  # of a window with the next
 MOST = 2_500, 10_000  # windows of a log, of robots with many joints and with few: of a longer one every second alone
 NODES = 32  # in a window, at which the model's torque is evaluated

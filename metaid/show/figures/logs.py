@@ -102,35 +102,27 @@ def _unit(found: RecordedResult, joint: int) -> str:
     return "N" if found.estimate.model.slides[joint] else "N m"
 
 
-def _over_time(parts: Sequence[LeftOut], joint: int, axes: Axes) -> tuple[Array, Array, Array]:
-    """Times (nrow), in s, measured and predicted torques (nrow) of all parts one after the other, NaN between them;
-    draws what is between them.
+def _over_time(parts: Sequence[LeftOut], joint: int, axes: Axes) -> Array:
+    """Times, in s, measured and predicted torques (3 x nrow) of all parts one after the other, NaN between them; draws
+    what is between them.
     """
-    begun = 0.0
-    times: list[Array] = []
-    measured: list[Array] = []
-    predicted: list[Array] = []
+    begun, shown = 0.0, list[Array]()
     for part in parts:
         every = np.flatnonzero(part.judged)
         if not len(every):
             continue
         period = float(part.times[1] - part.times[0])
         kept = max(round(SHOWN / len(parts) / period), 2)
-        rows = max(
-            np.split(every, np.flatnonzero(np.diff(every) > kept) + 1), key=len
-        )  # of spans far apart the longest
+        spans = np.split(every, np.flatnonzero(np.diff(every) > kept) + 1)
+        rows = max(spans, key=len)  # of spans far apart the longest
         first = max((len(rows) - kept) // 2, 0)
         rows = np.arange(rows[first], min(rows[first] + kept, rows[-1] + 1))
         if begun:
             axes.axvline(begun, color=INK, linewidth=0.5, linestyle=":")
-        times.append(begun + part.times[rows] - part.times[rows[0]])
-        begun = float(times[-1][-1]) + period
-        for own, whole in ((measured, part.measured), (predicted, part.predicted)):
-            own.append(np.where(part.judged[rows], whole[rows, joint], np.nan))
-        for own in (times, measured, predicted):
-            own.append(np.array([np.nan]))
+        times = begun + part.times[rows] - part.times[rows[0]]
+        torques = np.stack([part.measured, part.predicted])[:, rows, joint]
+        shown += [np.vstack([times, np.where(part.judged[rows], torques, np.nan)]), np.full((3, 1), np.nan)]
+        begun = float(times[-1]) + period
     axes.set(xlim=(0.0, max(begun, 1e-3)), xlabel="time of what was left out, s")
     axes.grid(True)
-    if not times:
-        return np.zeros(0), np.zeros(0), np.zeros(0)
-    return np.concatenate(times), np.concatenate(measured), np.concatenate(predicted)
+    return np.concatenate(shown, axis=1)
