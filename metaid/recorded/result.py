@@ -127,7 +127,9 @@ def estimate(
     held_out = _with_shipped(validate)
     every = *many, *held_out, *(each.log for each in payloads)
     named = short_names(str(log) for log in every if not isinstance(log, pd.DataFrame))
-    needed = law is None, _rate(rate), named
+    if rate is not None and not 0.0 < rate < np.inf:
+        raise RecordError(f"rate: {rate:g} rows a second (allowed: above 0)")
+    needed = law is None, rate, named
     intake = Intake(model.joints, slides, columns or {}, topic, untrusted_read, endless, *needed)
 
     def read(every: Sequence[Log], first: int) -> tuple[LogRun, ...]:
@@ -173,13 +175,6 @@ def _plant_of(
             raise
     text = f"joints that logs name move, the others are held: {', '.join(named)} (--joints A,B of those that move)"
     return load_plant(nominal, named), (text,)
-
-
-def _rate(rate: float | None) -> float | None:
-    """Rows a second.  Raises RecordError where there can be none."""
-    if rate is not None and not 0.0 < rate < np.inf:
-        raise RecordError(f"rate: {rate:g} rows a second (allowed: above 0)")
-    return rate
 
 
 def _places(order: Sequence[str] | None, joints: Sequence[str]) -> list[int]:

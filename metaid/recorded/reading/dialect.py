@@ -42,7 +42,8 @@ def dialect_of(path: Path) -> Dialect:
         separator = _separator(line)
         names = _fields(line.lstrip("#% ") if line.startswith(COMMENTS) else line, separator)
         below = next((other for other in lines[above + 1 :] if other.strip()), "")
-        counts = {_count(each, separator) for each in (below, below.rstrip(f"{separator} "))}  # with or without an end
+        # with or without an end
+        counts = {len(_fields(each, separator)) for each in (below, below.rstrip(f"{separator} "))}
         if len(names) > 1 and not any(map(is_number, names)) and len(names) in counts:
             decimal = _decimal(separator, lines[above + 1 :])
             return Dialect(separator, decimal, distinct(names), above + 1, encoding)
@@ -86,10 +87,6 @@ def _fields(line: str, separator: str) -> list[str]:
     if separator == " ":
         return line.split()
     return [field.strip() for field in next(csv.reader([line], delimiter=separator))]
-
-
-def _count(line: str, separator: str) -> int:
-    return len(_fields(line, separator)) if line else 0
 
 
 def is_number(field: str) -> bool:
