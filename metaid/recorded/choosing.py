@@ -16,12 +16,12 @@ from metaid.models import Array
 from metaid.recorded.comparing import Candidate, Search
 from metaid.recorded.friction_terms import with_friction, with_springs
 from metaid.recorded.held_out import Yardstick
+from metaid.recorded.weak_form.cutting import DEGREES
 from metaid.recorded.weak_form.equations import Equations, Solution, first_equations
 from metaid.recorded.weak_form.folds import folds_of
 from metaid.recorded.weak_form.linear_model import BASE, LinearModel
 from metaid.recorded.weak_form.possible import Possible
 from metaid.recorded.weak_form.smoothed import CUTOFFS, Smoothed
-from metaid.recorded.weak_form.windows import DEGREES
 
 ALIKE = 1.005  # times the least error: of windows that predict alike the finest tell most
 DELAYS = np.arange(-0.040, 0.0401, 0.002)  # s

@@ -284,9 +284,8 @@ def _misfit(equations: Equations, values: Array) -> float:
     model, n = equations.model, equations.model.njoint
     left, noise = np.zeros(n), np.zeros(n)
     for part, missed in zip(equations.parts, equations.left(values), strict=True):
-        windows = part.windows
-        poses = windows.coordinates[:, windows.coordinates.shape[1] // 2]
+        poses = part.coordinates[:, part.coordinates.shape[1] // 2]
         matrices, _ = model.dynamics(values[: model.nbody])(poses, np.zeros_like(poses))
-        noise += ((matrices * windows.acceleration_noise) ** 2).sum(axis=(0, 2))
+        noise += ((matrices * part.acceleration_noise) ** 2).sum(axis=(0, 2))
         left += model.trusted_alone(missed[:, 0] ** 2).sum(axis=0)
     return float(np.sqrt((left / np.maximum(noise, 1e-300)).max()))

@@ -21,8 +21,8 @@ from metaid.recorded.weak_form.equations import Equations, first_equations
 from metaid.recorded.weak_form.folds import THIRDS
 from metaid.recorded.weak_form.linear_model import LinearModel
 from metaid.recorded.weak_form.normal import FLAT, eliminated_covariance
-from metaid.recorded.weak_form.parts import Part
 from metaid.recorded.weak_form.smoothed import Smoothed
+from metaid.recorded.weak_form.windows import LogWindows
 
 FRICTION = ("viscous", "coulomb", "root", "offset")
 FIRST = 10  # of a body's parameters: mass, first moments, moments of inertia
@@ -132,7 +132,7 @@ def drive_gains(unloaded: Sequence[Smoothed], loaded: Sequence[tuple[Smoothed, P
 
 
 def _columns(
-    part: Part,
+    part: LogWindows,
     model: LinearModel,
     payload: Payload | None,
     shapes: Sequence[tuple[float, tuple[float, ...] | None]],
@@ -146,14 +146,13 @@ def _columns(
         payload: that it carries; None where there is none.
         shapes: mass and place of all payloads.
     """
-    windows = part.windows
-    rows = part.rows(model, np.zeros_like(windows.speeds), np.zeros(model.njoint))  # no friction grows with load
+    rows = part.rows(model, np.zeros_like(part.speeds), np.zeros(model.njoint))  # no friction grows with load
     bodies, friction = np.split(rows, [model.nbody], axis=-1)
     empty = np.zeros_like(friction)
     own = np.zeros((*friction.shape[:-1], len(shapes), FIRST))
     if payload is not None:
-        motion = windows.coordinates, windows.speeds, windows.accelerations
-        moments = windows.averaged(torque_regressor(model.tree, *motion)[..., -1, :FIRST])
+        motion = part.coordinates, part.speeds, part.accelerations
+        moments = part.averaged(torque_regressor(model.tree, *motion)[..., -1, :FIRST])
         which = shapes.index((payload.mass, payload.at))
         known, unknown = _of_payload(payload)
         own[..., which, 0] = moments @ known

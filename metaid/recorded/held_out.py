@@ -14,8 +14,8 @@ from metaid.recorded.motion import AHEAD, Begun, Motion, simulated, starts_of
 from metaid.recorded.weak_form.equations import Equations, Solution
 from metaid.recorded.weak_form.folds import Fold
 from metaid.recorded.weak_form.normal import ZERO
-from metaid.recorded.weak_form.parts import SHIFT
 from metaid.recorded.weak_form.smoothed import Smoothed
+from metaid.recorded.weak_form.windows import SHIFT
 
 FADES = 4.0  # periods of the filter's cut-off, in which what is beyond a row leaves it but for 1e-4
 ZERO_STEPS = 3  # of Newton's, for the zeros of a log that was held out

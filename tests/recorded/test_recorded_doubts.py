@@ -31,7 +31,6 @@ from metaid.recorded import (
     facts_of,
     judge_records,
 )
-from metaid.recorded.weak_form.windows import cut_windows
 
 pytestmark = pytest.mark.slow
 
@@ -126,12 +125,12 @@ def test_tiny_motion_tells_nothing(chain_log: tuple[LogRun, LinearModel, Array])
 
 def test_window_spans_no_gap_of_the_log(chain_log: tuple[LogRun, LinearModel, Array]) -> None:
     """Nobody knows which torques were sent where rows are missing; a row here and there does no harm."""
-    record, *_ = chain_log
+    record, model, _ = chain_log
     kept = np.ones(len(record.times), dtype=np.bool_)
     kept[1000:1050] = kept[2000] = False
     gapped = replace(record, times=record.times[kept], angles=record.angles[kept], torques=record.torques[kept])
-    windows = cut_windows(gapped, 0.2)
-    assert windows is not None
+    choices = Choices(span=0.2, delay=0.0, friction=("viscous",), zeros=False)
+    (windows,) = estimate_records([gapped], model, choices).equations.parts
     assert not windows.overlapping(record.times[1000], record.times[1049]).any()
     assert windows.overlapping(record.times[1999], record.times[2001]).any()
 

@@ -180,10 +180,9 @@ def _thinned(found: RecordedEstimate, every: Equations, measured: Absolute) -> C
     stride = max(1, every.nwindow // MOST)
     parts = []
     for part in every.parts:
-        windows = part.windows.thinned()
+        windows = part.thinned()
         few = windows.only(np.arange(0, len(windows), min(stride, max(1, len(windows) // 3))))
-        moved = replace(few, coordinates=few.coordinates + zeros[part.log])
-        parts.append(replace(part, windows=moved))
+        parts.append(few.shifted(zeros[part.log]))
     trusted = replace(every.model, untrusted=every.model.untrusted | every.held)
     few_windows = replace(every, model=trusted, parts=tuple(parts), scale=found.scale, delay=found.delay)
     return Check(few_windows, measured)

@@ -76,7 +76,7 @@ class Check:
     def with_angles(self, offsets: Array) -> Check:
         """The same with logged angles that are shifted (njoint)."""
         shift = self.measured.of_joints(offsets)
-        return self._mended(windows=lambda own: replace(own, coordinates=own.coordinates + shift))
+        return self._mended(windows=lambda own: own.shifted(shift))
 
     def with_logged(self, turned: Array) -> Check:
         """The same of logs with signs or places of joints that are `turned` (njoint x njoint, orthogonal)."""
@@ -109,7 +109,7 @@ class Check:
         for part in self.equations.parts:
             record = part.smoothed.record
             own = replace(part.smoothed, record=record.with_torques(torques(record.torques)))
-            parts.append(replace(part, windows=windows(part.windows), smoothed=own))
+            parts.append(replace(windows(part), smoothed=own))
         return replace(self, equations=replace(self.equations, parts=tuple(parts)))
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from metaid.models import Array
 from metaid.recorded.weak_form.equations import Equations
 from metaid.recorded.weak_form.linear_model import LinearModel
-from metaid.recorded.weak_form.parts import Part
+from metaid.recorded.weak_form.windows import LogWindows
 
 KNOWN = 4.0  # deviations from nothing: a factor that is less sure is not known
 UNIT = 5.0  # a scale of a joint's torques that is farther from the others' is another unit
@@ -47,7 +47,7 @@ def scales_of(equations: Equations) -> Scales:
     model, scales = equations.model, np.full((3, equations.model.njoint), np.nan)
     solution, rows = equations.solution, equations.columns
     carried = [_carried(part, model, solution.zeros[part.log]) for part in equations.parts]
-    rotors = [part.windows.averaged(part.windows.accelerations) for part in equations.parts]
+    rotors = [part.averaged(part.accelerations) for part in equations.parts]
     needs = [own[..., : model.nbody] @ model.nominal for own in rows]
     nothing = ROUNDING * max(float(np.abs(each).max()) for each in needs)
     carries = np.max([np.abs(each).max(axis=(0, 1)) for each in carried], axis=0) > nothing
@@ -66,9 +66,9 @@ def scales_of(equations: Equations) -> Scales:
     return Scales(whole, by_weight, by_motion, carries)
 
 
-def _carried(part: Part, model: LinearModel, zeros: Array) -> Array:
+def _carried(part: LogWindows, model: LinearModel, zeros: Array) -> Array:
     """The averaged torque that holds the nominal bodies (nwindow x ntest x njoint), in N m or N."""
-    windows = part.windows.thinned()
+    windows = part.thinned()
     still = np.zeros_like(windows.speeds)
     return windows.averaged(model.rigid(model.nominal, windows.coordinates + zeros, still, still))
 

@@ -17,7 +17,7 @@ from metaid.models.tree import PARAMETERS, ArmPrior, Tree, friction_torque, misp
 from metaid.recorded.weak_form.equations import Equations
 from metaid.recorded.weak_form.linear_model import RIGID
 from metaid.recorded.weak_form.normal import eliminated_covariance, pseudo_inverse
-from metaid.recorded.weak_form.parts import SHIFT, Part
+from metaid.recorded.weak_form.windows import SHIFT, LogWindows
 
 SIGNIFICANT = 4.0  # standard deviations from nothing: the verdict names it
 WORTH = 0.001  # of the torque that it must explain to be named
@@ -111,14 +111,13 @@ def suspects(equations: Equations, values: Array, scales: bool) -> Iterator[Susp
     model, n = equations.model, equations.model.njoint
     every, parts = tuple(range(n)), equations.parts
 
-    def of_each(part: Part, at_nodes: Array) -> Array:
+    def of_each(part: LogWindows, at_nodes: Array) -> Array:
         """What each joint has by itself (nwindow x nnode x njoint), averaged, as columns."""
-        return part.windows.averaged(at_nodes)[..., None] * np.eye(n)
+        return part.averaged(at_nodes)[..., None] * np.eye(n)
 
-    def rubbing(part: Part, term: str) -> Array:
+    def rubbing(part: LogWindows, term: str) -> Array:
         """The torque at nodes for a unit of a term of friction (nwindow x nnode x njoint), without a load."""
-        windows = part.windows
-        return friction_torque(term, windows.coordinates, windows.speeds, part.sliding(model)[..., :n], windows.speeds)
+        return friction_torque(term, part.coordinates, part.speeds, part.sliding(model)[..., :n], part.speeds)
 
     for term, words in MISSING.items():
         lacking = np.flatnonzero(model.lacking(term)).tolist()
@@ -127,9 +126,7 @@ def suspects(equations: Equations, values: Array, scales: bool) -> Iterator[Susp
             yield Suspect(words, columns, tuple(lacking))
     at_once = np.flatnonzero((model.sliding.presliding == 0.0) & (model.sliding.bent == 0.0)).tolist()
     if at_once and {"coulomb", "root"} & set(model.friction):
-        bent = [
-            part.windows.speeds * np.exp(-np.abs(part.windows.speeds) / (BENDS * model.sliding.still)) for part in parts
-        ]
+        bent = [part.speeds * np.exp(-np.abs(part.speeds) / (BENDS * model.sliding.still)) for part in parts]
         columns = [of_each(*each)[..., at_once] for each in zip(parts, bent, strict=True)]
         yield Suspect("friction that bends near rest", columns, tuple(at_once))
     if not equations.zeros:
@@ -154,7 +151,7 @@ def _misplaced(equations: Equations, prior: ArmPrior, bodies: Array) -> Suspect:
     tree, base = prior.nominal, np.zeros_like(prior.values)
     base[prior.base.columns % len(PARAMETERS) < RIGID] = bodies
     parameters = prior.parameters_at(base)
-    windows = [part.windows.thinned() for part in equations.parts]
+    windows = [part.thinned() for part in equations.parts]
 
     def needed(moved: Tree) -> list[Array]:
         return [

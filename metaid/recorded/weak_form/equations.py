@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.models import Array
+from metaid.recorded.weak_form.cutting import cut_windows
 from metaid.recorded.weak_form.folds import THIRDS, Fold
 from metaid.recorded.weak_form.linear_model import LinearModel
 from metaid.recorded.weak_form.normal import (
@@ -25,9 +26,8 @@ from metaid.recorded.weak_form.normal import (
     prior_of,
     solved,
 )
-from metaid.recorded.weak_form.parts import Part, loads_of
 from metaid.recorded.weak_form.smoothed import Smoothed
-from metaid.recorded.weak_form.windows import LogWindows, cut_windows
+from metaid.recorded.weak_form.windows import LogWindows, loads_of
 
 LASTS = 0.3  # s: how long an error of the model lasts at least
 MIDDLE = (0.2, 0.1, 0.3, 0.06, 0.5)  # s: lengths of windows, the first that fit
@@ -62,7 +62,7 @@ class Equations:
     """The equations of all windows of one length.
 
     Attributes:
-        parts: one a log.
+        parts: the windows of each log.
         model: what is unknown.
         zeros: whether the zeros of the encoders are unknown.
         delay: by which torques act later than they are logged, in s.
@@ -72,7 +72,7 @@ class Equations:
         folds: what is held out in turn.
     """
 
-    parts: tuple[Part, ...]
+    parts: tuple[LogWindows, ...]
     model: LinearModel
     zeros: bool = False
     delay: float = 0.0
@@ -88,22 +88,22 @@ class Equations:
 
     @property
     def nwindow(self) -> int:
-        return sum(len(part.windows) for part in self.parts)
+        return sum(map(len, self.parts))
 
     @property
     def covered(self) -> float:
         """How long the windows of all logs are, without what two of them share, in s."""
-        return float(sum(len(part.windows) * part.windows.apart for part in self.parts))
+        return float(sum(len(part) * part.apart for part in self.parts))
 
     @property
     def middles(self) -> list[Array]:
         """When the windows of each log are half over (nwindow), in s."""
-        return [part.windows.middles for part in self.parts]
+        return [part.middles for part in self.parts]
 
     @property
     def finest(self) -> LogWindows:
         """The shortest windows: those of a log that is read rarely are longer."""
-        return min((part.windows for part in self.parts), key=lambda windows: windows.span)
+        return min(self.parts, key=lambda part: part.span)
 
     @property
     def fastest(self) -> Array:
@@ -228,7 +228,7 @@ class Equations:
     @cached_property
     def held(self) -> NDArray[np.bool_]:
         """Which joints (njoint) are held in all windows: stiction bears what their torques do not show."""
-        reaches = [np.ptp(part.windows.coordinates, axis=(0, 1)) for part in self.parts]
+        reaches = [np.ptp(part.coordinates, axis=(0, 1)) for part in self.parts]
         return self.model.held(np.max(reaches, axis=0))
 
     @property
@@ -259,11 +259,11 @@ class Equations:
         """The equations of the windows that share no time with a fold."""
         parts = []
         for part in self.parts:
-            shared = fold.shared(part.log, part.windows)
+            shared = fold.shared(part)
             if not shared.any():
                 parts.append(part)
             elif not shared.all():
-                parts.append(replace(part, windows=part.windows.only(~shared)))
+                parts.append(part.only(~shared))
         return replace(self, parts=tuple(parts))
 
     @property
@@ -273,7 +273,7 @@ class Equations:
         mean[: self.model.nbody] = self.scale * self.model.nominal
         return mean
 
-    def _rows(self, part: Part, load: Array, values: Array, zeros: Array, with_zeros: bool) -> Array:
+    def _rows(self, part: LogWindows, load: Array, values: Array, zeros: Array, with_zeros: bool) -> Array:
         model, own_zeros = self.model, zeros[part.log]
         rows = part.rows(model, load, own_zeros)
         columns = (
@@ -290,8 +290,7 @@ class Equations:
         """
         together = []
         for number, part in enumerate(self.parts):
-            windows = part.windows
-            folds = np.array([fold.shared(part.log, windows) for fold in self.folds]).reshape(-1, len(windows)).T
+            folds = np.array([fold.shared(part) for fold in self.folds]).reshape(-1, len(part)).T
             kinds, of_kind = np.unique(folds, axis=0, return_inverse=True)
             together += [(number, np.flatnonzero(of_kind == kind), shared) for kind, shared in enumerate(kinds)]
         return together
@@ -329,7 +328,7 @@ class Equations:
     @property
     def lags(self) -> int:
         """How many windows an error lasts."""
-        return int(np.ceil(max(LASTS, self.span) / max(part.windows.apart for part in self.parts)))
+        return int(np.ceil(max(LASTS, self.span) / max(part.apart for part in self.parts)))
 
     def covariance(self, values: Array) -> Array:
         """The covariance of the unknowns (nparam x nparam), whatever the errors of a window are, and though those of
@@ -356,10 +355,10 @@ def equations_of(logs: Sequence[Smoothed], model: LinearModel, span: float) -> E
     """
     parts = []
     for log, own in enumerate(logs):
-        windows = cut_windows(own.record, span)
+        windows = cut_windows(log, own, span)
         if windows is None or len(windows) < THIRDS:
             return None
-        parts.append(Part(log, windows, own))
+        parts.append(windows)
     equations = Equations(tuple(parts), model, nlog=len(parts))
     return equations if equations.is_enough else None
 

@@ -57,9 +57,9 @@ class Fold:
         own = [(times >= span.begin) & (times < span.end) for span in self.spans if span.log == log]
         return np.any(own, axis=0) if own else np.zeros(times.shape, dtype=np.bool_)
 
-    def shared(self, log: int, windows: LogWindows) -> NDArray[np.bool_]:
+    def shared(self, windows: LogWindows) -> NDArray[np.bool_]:
         """Which windows (nwindow) of a log share any time with what is held out."""
-        own = [windows.overlapping(span.begin, span.end) for span in self.spans if span.log == log]
+        own = [windows.overlapping(span.begin, span.end) for span in self.spans if span.log == windows.log]
         return np.any(own, axis=0) if own else np.zeros(len(windows), dtype=np.bool_)
 
 

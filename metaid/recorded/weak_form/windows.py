@@ -7,7 +7,7 @@ acceleration is made of differences of readings. Equation numbers are those of d
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -16,17 +16,13 @@ from numpy.polynomial.polynomial import polyval
 from numpy.typing import NDArray
 
 from metaid.models import Array
-from metaid.recorded.reading.readings import LogRun
+from metaid.recorded.reading.readings import straight
+from metaid.recorded.weak_form.linear_model import LinearModel
+from metaid.recorded.weak_form.smoothed import Smoothed
 
-DEGREES = {0.06: 4, 0.1: 5, 0.15: 4, 0.2: 6, 0.25: 4, 0.35: 4, 0.3: 8, 0.5: 10}  # by length in s, the finest first
-OVERLAP = 0.5  # of a window with the next
-MOST = 2_500, 10_000  # windows of a log, of robots with many joints and with few: of a longer one every second alone
-NODES = 32  # in a window, at which the model's torque is evaluated
+SHIFT = 1e-5  # rad or m, for derivatives by a zero, and by where a joint is
+CHUNK = 2_000_000  # numbers at nodes that are made at a time
 THINNED = 4  # one of so many nodes, where a torque need not be known as exactly
-AT_REST = 0.005  # of a joint's fastest speed: a window in which no joint is faster is left out
-SIDE_BY_SIDE = 50_000  # readings of windows that are fitted at once
-GAP = 0.15  # of a window without a reading: nobody knows which torques were sent there
-RARELY, FEW, COARSE = 0.035, 12, 4  # s between two readings, from which on windows have so many, and of which degree
 TESTS = (Polynomial([1.0, 0.0, -1.0]) ** 2, Polynomial([1.0, 0.0, -1.0]) ** 2 * Polynomial([0.0, 2.0]))  # ψ(s)
 ODD, EVEN = TESTS[0].integ().coef[1::2], TESTS[1].integ().coef[::2]  # coefficients of their integrals that are not 0
 
@@ -36,6 +32,8 @@ class LogWindows:
     """Windows of a log, half overlapping, in which the plant moves.
 
     Attributes:
+        log: which of the logs.
+        smoothed: it on a regular grid, from whose angles the state of dry friction follows.
         span: how long each is, in s.
         degree: of the polynomials that the angles are within a window.
         middles: when each is half over (nwindow), in s.
@@ -46,9 +44,11 @@ class LogWindows:
         readings: how many there are in a window.
         noise: root mean square of what the polynomials leave of the readings (njoint), in rad or m.
         apart: the time from one window to the next, in s.
-        kept: what was averaged over them, that takes long, for `Part`; others made of these keep their own.
+        kept: what was averaged over them, that takes long; windows with another motion keep their own.
     """
 
+    log: int
+    smoothed: Smoothed
     span: float
     degree: int
     middles: Array
@@ -59,7 +59,7 @@ class LogWindows:
     readings: int
     noise: Array
     apart: float
-    kept: dict[tuple[object, bytes], Array] = field(init=False, default_factory=dict, repr=False, compare=False)
+    kept: dict[tuple[object, bytes], Array] = field(default_factory=dict, repr=False, compare=False)
 
     def __len__(self) -> int:
         return len(self.middles)
@@ -83,7 +83,11 @@ class LogWindows:
         way.
         """
         coordinates, speeds, accelerations = map(change, (self.coordinates, self.speeds, self.accelerations))
-        return replace(self, coordinates=coordinates, speeds=speeds, accelerations=accelerations)
+        return replace(self, coordinates=coordinates, speeds=speeds, accelerations=accelerations, kept={})
+
+    def shifted(self, offsets: Array) -> LogWindows:
+        """The same with coordinates that are shifted (njoint), in rad or m."""
+        return replace(self, coordinates=self.coordinates + offsets, kept={})
 
     @property
     def times(self) -> Array:
@@ -109,11 +113,13 @@ class LogWindows:
         averaged: Array = weights @ at_nodes.reshape(*at_nodes.shape[:2], -1)
         return averaged.reshape(len(at_nodes), len(TESTS), *at_nodes.shape[2:])
 
-    def torques(self, record: LogRun, delay: float) -> Array:
-        """The averaged torque that was sent (nwindow x ntest x njoint), `delay` in s later than it is logged.  Eq. 65.
+    def torques(self, delay: float) -> Array:
+        """The averaged torques that were sent (nwindow x ntest x njoint), in N m or N, `delay` in s later than they are
+        logged.  Eq. 65.
 
         A torque holds until the next is sent.
         """
+        record = self.smoothed.record
         begins = record.times + delay
         ends = np.append(begins, begins[-1] + record.period)
         half = 0.5 * self.span
@@ -127,86 +133,76 @@ class LogWindows:
         weights = 0.5 * (integrals[..., 1:] - integrals[..., :-1])
         sent = record.torques[np.minimum(rows[:, :-1], len(begins) - 1)]
         averaged: Array = weights @ sent
+        return averaged * self.smoothed.share
+
+    def rows(self, model: LinearModel, load: Array, zeros: Array) -> Array:
+        """The averaged torque for a unit of each unknown (nwindow x ntest x njoint x nparam).  Eq. 65.
+
+        Args:
+            model: what is unknown.
+            load: the torque at nodes with which friction grows (nwindow x nnode x njoint), in N m or N.
+            zeros: of the encoders (njoint), in rad.
+        """
+        bodies = self._averaged(model, zeros)
+        motion = self.coordinates + zeros, self.speeds, self.accelerations
+        friction = self.averaged(model.friction_columns(*motion, self.sliding(model), load))
+        rows: Array = self.smoothed.share[:, None] * np.concatenate([bodies, friction], axis=-1)
+        return rows
+
+    def _averaged(self, model: LinearModel, zeros: Array) -> Array:
+        """The averaged torque for a unit of each of the bodies' unknowns (nwindow x ntest x njoint x nbody), kept for
+        the first zeros and the last. What is at all nodes for each unknown would not fit into memory.
+        """
+        kept, key = self.kept, (model.bodies, zeros.tobytes())
+        if key not in kept:
+            if len(kept) > 1:
+                kept.popitem()
+            count = -(-self.speeds.size * model.nbody // CHUNK)
+            chunks = [self.only(own) for own in np.array_split(np.arange(len(self)), count)]
+            rows = (model.bodies(own.coordinates + zeros, own.speeds, own.accelerations) for own in chunks)
+            kept[key] = np.concatenate([own.averaged(each) for own, each in zip(chunks, rows, strict=True)])
+        averaged: Array = kept[key]
         return averaged
 
+    def whole(self, model: LinearModel, bodies: Array, torques: Array) -> Array:
+        """What errors of averaged `torques` (nwindow x ntest x njoint) are shares of, squared, by bodies (nbody)."""
+        return model.whole(torques, bodies, lambda: self._averaged(model, np.zeros(model.njoint)))
 
-def cut_windows(record: LogRun, span: float) -> LogWindows | None:
-    """The windows of a log in which the robot moves; None where there is none with readings enough. Each has a length
-    of `span`, in s; of a log that is read too rarely for it, of FEW readings.
+    def sliding(self, model: LinearModel) -> Array:
+        """The state of dry friction at nodes (nwindow x nnode x nmotor)."""
+        if not model.sliding.builds_up:
+            return model.sliding.at(self.speeds)
+        return straight(self.times, self.smoothed.times, self.smoothed.states(model))
 
-    In a window's own time s, from −1 to 1, the angles are a sum of Legendre polynomials.
-    """
-    power = DEGREES[min(DEGREES, key=lambda each: abs(np.log(each / span)))]
-    if record.period > RARELY:
-        span, power = FEW * record.period, COARSE
-    first, last = record.times[0], record.times[-1]
-    apart = (1.0 - OVERLAP) * span
-    middles = np.arange(first + 0.5 * span, last - 0.5 * span, apart)
-    middles = middles[~record.rests_at(middles)]
-    most = float(np.clip(MOST[0] * (7.0 / record.njoint) ** 2, *MOST))
-    if len(middles) > most:
-        stride = int(np.ceil(len(middles) / most))
-        middles, apart = middles[::stride], stride * apart
-    nodes = (np.arange(NODES) + 0.5) / NODES * 2.0 - 1.0
-    at_nodes = legendre.legvander(nodes, power)
-    unit = np.eye(power + 1)
-    once, twice = (legendre.legval(nodes, legendre.legder(unit, order)).T for order in (1, 2))
-    scale = 2.0 / span
-    fitted, left, counts = _fitted(record, middles, span, power)
-    is_kept = counts > 0
-    if not is_kept.any():
-        return None
-    coordinates, speeds, accelerations = (
-        np.einsum("nk,wkj->wnj", basis, fitted[is_kept]) for basis in (at_nodes, scale * once, scale**2 * twice)
-    )
-    fastest = np.abs(speeds).max(axis=1)
-    moves = (fastest > AT_REST * np.quantile(fastest, 0.95, axis=0)).any(axis=1) & (fastest > 0.0).any(axis=1)
-    if not moves.any():
-        return None
-    return LogWindows(
-        span,
-        power,
-        middles[is_kept][moves],
-        coordinates[moves],
-        speeds[moves],
-        accelerations[moves],
-        nodes,
-        int(np.median(counts[is_kept])),
-        np.sqrt(np.median(left[is_kept], axis=0)),
-        apart,
-    )
+    def zero_columns(self, model: LinearModel, values: Array, zeros: Array) -> Array:
+        """How the averaged torque by unknowns (nparam) changes with each zero (nwindow x ntest x njoint x njoint)."""
+        windows, n = self.thinned(), model.njoint
+        shifts = SHIFT * np.vstack([np.zeros(n), np.eye(n)])
+        moved = windows.coordinates + (zeros + shifts)[:, None, None]
+        bodies, springs = values[: model.nbody], model.friction_at(values).of("spring")[:n]
+        needed = model.rigid(bodies, moved, windows.speeds, windows.accelerations) + springs * moved
+        usual, *others = map(windows.averaged, needed)
+        return np.stack([(each - usual) / SHIFT for each in others], axis=-1)
 
 
-def _fitted(record: LogRun, middles: Array, span: float, power: int) -> tuple[Array, Array, NDArray[np.intp]]:
-    """The polynomials of all windows: coefficients (nwindow x power + 1 x njoint) in rad or m, variances of what they
-    leave of the readings (nwindow x njoint), and how many these are (nwindow), 0 where they are too few or too far
-    apart.
+def loads_of(parts: Sequence[LogWindows], model: LinearModel, bodies: Array, zeros: Array) -> list[Array]:
+    """The torque of bodies at the nodes of each log (nwindow x nnode x njoint), in N m or N; 0 where no friction grows
+    with it. Logs are taken together, for short ones take as long as long ones.
 
     Args:
-        record: the log.
-        middles: when each window is half over (nwindow), in s.
-        span: length of a window, in s.
-        power: degree of the polynomials.
+        parts: the windows of each.
+        model: what is unknown.
+        bodies: its unknowns of the bodies (nbody).
+        zeros: of the encoders of all logs (nlog x njoint), in rad.
     """
-    before, after = middles - 0.5 * span, middles + 0.5 * span
-    begins, ends = np.searchsorted(record.times, (before, after))
-    counts = np.where(ends - begins >= 2 * (power + 1), ends - begins, 0)
-    widest = max(GAP * span, 1.5 * record.period)  # between two readings
-    coefficients, left = np.zeros((len(middles), power + 1, record.njoint)), np.zeros((len(middles), record.njoint))
-    for count in np.unique(counts[counts > 0]).tolist():
-        alike = np.flatnonzero(counts == count)
-        for which in np.array_split(alike, -(-len(alike) * count // SIDE_BY_SIDE)):
-            rows = begins[which, None] + np.arange(count)
-            times = record.times[rows]
-            edged = np.column_stack([before[which], times, after[which]])
-            is_near = np.diff(edged, axis=1).max(axis=1) <= widest
-            counts[which[~is_near]] = 0
-            which, rows, times = which[is_near], rows[is_near], times[is_near]
-            vandermonde = legendre.legvander((times - middles[which, None]) * (2.0 / span), power)
-            transposed, begun = vandermonde.swapaxes(1, 2), record.angles[rows[:, 0]]
-            readings = record.angles[rows] - begun[:, None]  # so that a joint that stands still has no speed at all
-            coefficients[which] = np.linalg.solve(transposed @ vandermonde, transposed @ readings)
-            errors = readings - vandermonde @ coefficients[which]
-            left[which] = (errors**2).sum(axis=1) / (count - power - 1)
-            coefficients[which, 0] += begun
-    return coefficients, left, counts
+    shapes = [part.speeds.shape for part in parts]
+    if "load" not in model.friction:
+        return [np.zeros(shape) for shape in shapes]
+    coordinates = [part.coordinates + zeros[part.log] for part in parts]
+    motion = coordinates, [part.speeds for part in parts], [part.accelerations for part in parts]
+    flat = [np.concatenate([each.reshape(-1, model.njoint) for each in own]) for own in motion]
+    count = -(-flat[0].size * model.nbody // CHUNK)
+    chunks = zip(*(np.array_split(each, count) for each in flat), strict=True)
+    loads = np.concatenate([model.rigid(bodies, *chunk) for chunk in chunks])
+    edges = np.cumsum([np.prod(shape[:-1]) for shape in shapes])[:-1]
+    return [load.reshape(shape) for load, shape in zip(np.split(loads, edges), shapes, strict=True)]
