@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -57,7 +56,7 @@ class Absolute:
 
     def of_joints(self, logged: Array) -> Array:
         """Angles or their rates of joints (... x njoint), by those that were logged."""
-        return logged @ self._inverse
+        return logged @ np.linalg.inv(self.angles).T
 
     def logged(self, of_joints: Array) -> Array:
         """The other way."""
@@ -70,10 +69,6 @@ class Absolute:
     def logged_torques(self, of_joints: Array) -> Array:
         """The other way."""
         return of_joints @ np.linalg.inv(self.motors)
-
-    @cached_property
-    def _inverse(self) -> Array:
-        return np.asarray(np.linalg.inv(self.angles).T, dtype=np.float64)
 
 
 def absolute_of(model: LinearModel, named: Sequence[str] = ()) -> Absolute:

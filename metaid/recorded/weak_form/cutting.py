@@ -22,8 +22,8 @@ RARELY, FEW, COARSE = 0.035, 12, 4  # s between two readings, from which on wind
 
 
 def cut_windows(log: int, own: Smoothed, span: float) -> LogWindows | None:
-    """The windows of a `log` in which the robot moves; None where there is none with readings enough. Each has a length
-    of `span`, in s; of a log that is read too rarely for it, of FEW readings.
+    """The windows in which the robot moves of a `log`, which is its `own` on a grid; None where there is none with
+    readings enough. Each is a `span` long, in s; of a log that is read too rarely for it, as long as FEW readings.
 
     In a window's own time s, from −1 to 1, the angles are a sum of Legendre polynomials.
     """

@@ -18,14 +18,7 @@ from metaid.models import Array
 from metaid.recorded.weak_form.cutting import cut_windows
 from metaid.recorded.weak_form.folds import THIRDS, Fold
 from metaid.recorded.weak_form.linear_model import LinearModel
-from metaid.recorded.weak_form.normal import (
-    Blocks,
-    beside_zeros,
-    eliminated,
-    eliminated_covariance,
-    prior_of,
-    solved,
-)
+from metaid.recorded.weak_form.normal import ZERO, Blocks, eliminated, eliminated_covariance, prior_of, solved
 from metaid.recorded.weak_form.smoothed import Smoothed
 from metaid.recorded.weak_form.windows import LogWindows, loads_of
 
@@ -125,8 +118,7 @@ class Equations:
 
     def with_choices_of(self, other: Equations) -> Equations:
         """The same windows with all that was chosen beside them."""
-        chosen = {name: getattr(other, name) for name in ("zeros", "delay", "scale", "doubt")}
-        return replace(self, model=other.model, **chosen)
+        return replace(other, parts=self.parts, nlog=self.nlog, folds=self.folds)
 
     @property
     def solution(self) -> Solution:
@@ -197,12 +189,8 @@ class Equations:
         each), by the `largest` of these, or in a joint without a motor by the terms that cancel.
         """
         usual = np.maximum((torques**2).mean(axis=0), LEAST * largest**2)
-        least = np.full(len(usual), (LEAST * largest) ** 2)
-        if self.model.passive.any():
-            terms = self._terms(self.scale * self.model.nominal)
-            usual = np.where(self.model.passive, np.maximum(PASSIVE**2 * terms, usual), usual)
-            least = np.where(self.model.passive, np.maximum(LEAST_PASSIVE**2 * terms, least), least)
-        return usual, least
+        terms = np.where(self.model.passive, self._terms(self.scale * self.model.nominal), 0.0)
+        return np.maximum(PASSIVE**2 * terms, usual), np.maximum(LEAST_PASSIVE**2 * terms, (LEAST * largest) ** 2)
 
     def _terms(self, bodies: Array) -> Array:
         """The mean squares of the torques (njoint), of joints without a motor those of the terms that cancel, by bodies
@@ -318,12 +306,16 @@ class Equations:
         """The columns of each log, and some `torques` of it (nwindow x ntest x njoint), both without what zeros
         explain.
         """
-        every = list(zip(self.columns, torques, strict=True))
-        if not self.zeros:
-            return every
-        nparam, weight = len(self.model.names), self.solution.weight
-        of_zeros = [rows[..., nparam:] for rows in self._solved[1]]
-        return [beside_zeros(*each, own, weight) for each, own in zip(every, of_zeros, strict=True)]
+        beside = []
+        for rows, own in zip(self._solved[1], torques, strict=True):
+            columns, of_zeros = np.split(rows, [len(self.model.names)], axis=-1)
+            if self.zeros:
+                weighed = np.einsum("wajz,jk->wakz", of_zeros, self.solution.weight)
+                gram = np.einsum("wakz,waky->zy", weighed, of_zeros) + np.eye(self.model.njoint) / ZERO**2
+                columns = columns - of_zeros @ np.linalg.solve(gram, np.einsum("wakz,wakp->zp", weighed, columns))
+                own = own - of_zeros @ np.linalg.solve(gram, np.einsum("wakz,wak->z", weighed, own))
+            beside.append((columns, own))
+        return beside
 
     @property
     def lags(self) -> int:

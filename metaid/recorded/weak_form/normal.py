@@ -101,22 +101,6 @@ def eliminated_covariance(inverse: Array, scores: Sequence[Array], lags: int) ->
     return np.asarray(inverse @ together @ inverse, dtype=np.float64)
 
 
-def beside_zeros(columns: Array, torques: Array, zero_columns: Array, weight: Array) -> tuple[Array, Array]:
-    """Columns of the unknowns and torques, both without what the zeros of a log explain.
-
-    Args:
-        columns: of the unknowns (nwindow x ntest x njoint x nparam).
-        torques: averaged (nwindow x ntest x njoint), in N m or N.
-        zero_columns: of the zeros (nwindow x ntest x njoint x njoint).
-        weight: of the joints (njoint x njoint).
-    """
-    weighed = np.einsum("wajz,jk->wakz", zero_columns, weight)
-    gram = np.einsum("wakz,waky->zy", weighed, zero_columns) + np.eye(zero_columns.shape[-1]) / ZERO**2
-    explained = np.linalg.solve(gram, np.einsum("wakz,wakp->zp", weighed, columns))
-    taken = np.linalg.solve(gram, np.einsum("wakz,wak->z", weighed, torques))
-    return columns - zero_columns @ explained, torques - zero_columns @ taken
-
-
 def prior_of(model: LinearModel, rows: Sequence[Array], torques: Array, spread: float) -> Array:
     """The precision of the unknowns beforehand (nparam x nparam): of friction next to none.
 
