@@ -176,6 +176,12 @@ def test_array_that_holds_all_is_known_by_how_its_columns_change(ending: str, tm
             read(str(path))
 
 
+def test_frame_whose_columns_only_count_has_no_names_of_columns() -> None:
+    assert_same(read(pd.DataFrame(in_blocks().to_numpy())), read(clean()))
+    with pytest.raises(RecordError, match=r"frame 1: no names of its 9 columns"):
+        read(pd.DataFrame(undone(in_blocks()).to_numpy()))
+
+
 def test_arrays_of_one_kind_each_are_read_by_what_files_are_called(tmp_path: Path) -> None:
     log = clean()
     for name, columns in {"t": ["time"], "q": BLOCKS[:2], "dq": BLOCKS[2:4], "tau": BLOCKS[4:]}.items():

@@ -100,9 +100,12 @@ def tables_of(log: str | Path | pd.DataFrame, number: int, topic: str | None) ->
 
 
 def _of_frame(name: str, frame: pd.DataFrame) -> Table:
-    """A frame with its index as a column; of columns with one name and the same cells the first is kept.  Raises
-    RecordError where their cells differ.
+    """A frame with its index as a column, and columns that only count without names; of columns with one name and the
+    same cells the first is kept.  Raises RecordError where their cells differ.
     """
+    is_nameless = isinstance(frame.columns, pd.RangeIndex)
+    if is_nameless:
+        frame = frame.set_axis([f"column_{number + 1}" for number in range(frame.shape[1])], axis="columns")
     index = str(frame.index.name or "time")
     if (frame.index.name is not None or isinstance(frame.index, pd.DatetimeIndex)) and index not in frame.columns:
         frame = frame.rename_axis(index).reset_index()
@@ -113,7 +116,7 @@ def _of_frame(name: str, frame: pd.DataFrame) -> Table:
         if not all(first.equals(other) for other in others):
             raise RecordError(f"{name}: several columns are called '{column}' (allowed: one of each name)")
     frame = frame.loc[:, ~again]
-    return Table(name, tuple(frame.columns), lambda columns: frame[list(columns)])
+    return Table(name, tuple(frame.columns), lambda columns: frame[list(columns)], is_nameless=is_nameless)
 
 
 def _flat(column: object) -> str:
