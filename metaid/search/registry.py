@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import optuna
+from optuna.samplers import CmaEsSampler, RandomSampler
 
 from metaid.errors import StudyError, unknown
 from metaid.paper import Dinoip, DinoipOptions
@@ -20,7 +20,7 @@ from metaid.search.searcher import Searcher, StepOptions
 if TYPE_CHECKING:
     from metaid.estimation import Experiment
 
-TPE_GENERATION = 4  # candidates that TPE proposes before it gets an outcome
+TPE_GENERATION, RANDOM_GENERATION = 4, 8  # candidates that they propose before they get an outcome
 DISTANCE = "distance to the truth"  # of the best trial, by its value
 
 FindExperiment = Callable[[], "Experiment | None"]  # called only where one is needed: estimating loads numba
@@ -47,30 +47,26 @@ class Sampler:
     spread_name: str = "step size"
 
 
-def _random(seed: int) -> optuna.samplers.BaseSampler:
-    return optuna.samplers.RandomSampler(seed=seed)
-
-
 def _optuna_cmaes(coordinates: Coordinates, seed: int, options: SamplerOptions, _: FindExperiment) -> Searcher:
     # Half of what cmaes adds to 4 by itself: where the landscape is nearly round, small generations learn as much.
     size = options.generation or 4 + int(1.5 * np.log(len(coordinates.origin)))
-
-    def make(seed: int) -> optuna.samplers.BaseSampler:
-        return optuna.samplers.CmaEsSampler(seed=seed, popsize=size, warn_independent_sampling=False)
-
-    return MetricSearcher(coordinates, make, seed, options, size)
+    return MetricSearcher(coordinates, CmaEsSampler(seed=seed, popsize=size, warn_independent_sampling=False), size)
 
 
 SAMPLERS = {
     "cmaes": Sampler(lambda coordinates, seed, options, _: Cmaes(coordinates, seed, options), widens=True),
     "tpe": Sampler(
         lambda coordinates, seed, options, _: MetricSearcher(
-            coordinates, tpe_for_metric, seed, options, TPE_GENERATION
+            coordinates, tpe_for_metric(seed), options.generation or TPE_GENERATION
         ),
         advised_trials=2000,
         spread_name=DISTANCE,
     ),
-    "random": Sampler(lambda coordinates, seed, options, _: OptunaSampler(coordinates, _random, seed, options)),
+    "random": Sampler(
+        lambda coordinates, seed, options, _: OptunaSampler(
+            coordinates, RandomSampler(seed=seed), options.generation or RANDOM_GENERATION
+        )
+    ),
     "optuna-cmaes": Sampler(_optuna_cmaes, spread_name=DISTANCE),
     "output-error": Sampler(
         lambda coordinates, seed, options, find: OutputError(coordinates, seed, options, find()),

@@ -18,15 +18,12 @@ from metaid.files import Settings
 from metaid.models import Array
 
 
-class GenerationOptions(Settings):
-    """`generation`: how many candidates a generation has (default: the sampler's own number)."""
+class StepOptions(Settings):
+    """`generation`: how many candidates a generation has (default: the sampler's own number); `sigma`: the first step,
+    in the coordinates' own unit.
+    """
 
     generation: Annotated[int, Field(ge=2, le=100_000)] | None = None
-
-
-class StepOptions(GenerationOptions):
-    """`sigma`: the first step, in the coordinates' own unit."""
-
     sigma: Annotated[float, Field(gt=0, le=10)] = 0.2
 
 

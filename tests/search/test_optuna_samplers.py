@@ -9,8 +9,7 @@ from optuna.trial import TrialState
 
 from metaid.episode import Outcome
 from metaid.search import Coordinates, SamplerOptions, make_searcher, plain_coordinates
-from metaid.search.optuna_samplers import GENERATION, OptunaSampler
-from metaid.search.searcher import GenerationOptions
+from metaid.search.optuna_samplers import OptunaSampler
 
 
 class Witness(optuna.samplers.RandomSampler):
@@ -26,8 +25,7 @@ def test_sampler_is_shown_falls_as_pruned_at_the_step_that_they_survived_to() ->
     """Samplers rank pruned trials by their last step, so a late fall must not pass for an early one."""
     witness = Witness(seed=0)
     coordinates = plain_coordinates(np.ones(1), np.full(1, 0.5), np.full(1, 2.0))
-    options = GenerationOptions(generation=3)
-    searcher = OptunaSampler(coordinates, lambda seed: witness, 0, options)
+    searcher = OptunaSampler(coordinates, witness, 3)
     searcher.ask()
     searcher.tell([Outcome(7.0, True, 12, (0,)), Outcome(6.0, True, 80, (0,)), Outcome(1.0, False, 100, (2,))])
     searcher.ask()
@@ -63,7 +61,7 @@ def test_candidates_are_within_the_bounds_and_follow_from_the_seed(sampler: str)
 
 def test_generation_is_as_large_as_the_study_says() -> None:
     """Whatever the default is."""
-    assert len(make_searcher("random", two_factors(), 1, SamplerOptions()).ask()) == GENERATION
+    assert len(make_searcher("random", two_factors(), 1, SamplerOptions()).ask()) == 8
     for sampler in ("random", "tpe", "optuna-cmaes"):
         searcher = make_searcher(sampler, two_factors(), 1, SamplerOptions(generation=5))
         if sampler != "random":  # it begins with the start alone

@@ -2,46 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import optuna
+from optuna.distributions import BaseDistribution, FloatDistribution
+from optuna.samplers import BaseSampler
 
 from metaid.episode import Outcome
 from metaid.models import Array
 from metaid.search.coordinates import Coordinates
 from metaid.search.optuna_samplers.metric import MetricSampler
-from metaid.search.searcher import GenerationOptions
 
-GENERATION = 8  # candidates that an Optuna sampler proposes before it gets an outcome
 CONVERGED = 1e-6  # distance to the truth, in factors of the least determined lump
 
 
 class OptunaSampler:
-    """Any Optuna sampler, on a study in memory, in the given coordinates; falls are pruned trials with the step that
-    they survived to.
-
-    Args:
-        coordinates: what it moves in.
-        make: the sampler, from the seed.
-        seed: of all that the sampler draws at random.
-        options: the generation size.
+    """Any Optuna `sampler`, on a study in memory, in the given `coordinates`, so many candidates a `generation`; falls
+    are pruned trials with the step that they survived to.
     """
 
-    def __init__(
-        self,
-        coordinates: Coordinates,
-        make: Callable[[int], optuna.samplers.BaseSampler],
-        seed: int,
-        options: GenerationOptions,
-    ) -> None:
+    def __init__(self, coordinates: Coordinates, sampler: BaseSampler, generation: int) -> None:
         optuna.logging.set_verbosity(optuna.logging.WARNING)
         self._coordinates = coordinates
-        self._size = options.generation or GENERATION
-        self._study = optuna.create_study(sampler=make(seed), direction="minimize")
+        self._size = generation
+        self._study = optuna.create_study(sampler=sampler, direction="minimize")
         low, high = coordinates.box()
-        self._space: dict[str, optuna.distributions.BaseDistribution] = {
-            f"z_{i}": optuna.distributions.FloatDistribution(low[i], high[i]) for i in range(len(low))
+        self._space: dict[str, BaseDistribution] = {
+            f"z_{i}": FloatDistribution(low[i], high[i]) for i in range(len(low))
         }
         self._proposed: list[optuna.Trial] = []
 
@@ -72,31 +60,16 @@ class OptunaSampler:
 class MetricSearcher(OptunaSampler):
     """One that is shown these coordinates by a `MetricSampler`. Its first generation is the start alone, whose value
     says how far it is from the truth.
-
-    Args:
-        coordinates: what it moves in.
-        make: the sampler, from the seed.
-        seed: of all that the sampler draws at random.
-        options: the generation size, for which there is a default.
-        generation: this default.
     """
 
-    def __init__(
-        self,
-        coordinates: Coordinates,
-        make: Callable[[int], optuna.samplers.BaseSampler],
-        seed: int,
-        options: GenerationOptions,
-        generation: int,
-    ) -> None:
+    def __init__(self, coordinates: Coordinates, sampler: BaseSampler, generation: int) -> None:
         names = [f"factor_{i}" for i in range(len(coordinates.origin))]
-        self._sampler = MetricSampler(names, coordinates, make(seed))
-        super().__init__(coordinates, lambda _: self._sampler, seed, options)
-        self._generation = options.generation or generation
-        self._size = 1
+        self._sampler = MetricSampler(names, coordinates, sampler)
+        super().__init__(coordinates, self._sampler, 1)
+        self._generation = generation
         self._best = np.inf
         bounds = zip(names, coordinates.low.tolist(), coordinates.high.tolist(), strict=True)
-        self._space = {name: optuna.distributions.FloatDistribution(low, high) for name, low, high in bounds}
+        self._space = {name: FloatDistribution(low, high) for name, low, high in bounds}
 
     @property
     def spread(self) -> float | None:
