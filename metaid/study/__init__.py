@@ -6,7 +6,7 @@
 import sys
 
 import metaid
-from metaid.study.checking import check
+from metaid.study.checking import Stepping, check, stepping
 from metaid.study.create import (
     advice,
     create_study,
@@ -40,6 +40,5 @@ from metaid.study.settings import (
     StudySettings,
 )
 from metaid.study.spec import StudySpec, TreeSettings
-from metaid.study.stepping import Stepping, stepping
 
 sys.modules[__name__].__class__ = metaid.CallableStudy

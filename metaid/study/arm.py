@@ -82,16 +82,9 @@ class StudiedArm:
 
     def plant(self) -> ArmPlant:
         """The simulated plant of the study."""
-        plant = self.spec.simulated
-        settings = ArmSettings(
-            mjcf=self.spec.plant_name,
-            timestep=plant.timestep,
-            truth_known=plant.truth_known,
-            faults=plant.faults,
-            stiffness=plant.stiffness,
-            slack=plant.slack,
-        )
-        return ArmPlant(self.spec.plant_name, settings, plant.arm.tree)
+        name, plant = self.spec.plant_name, self.spec.simulated
+        settings = ArmSettings(mjcf=name, **{key: value for key, value in plant if key != "arm"})
+        return ArmPlant(name, settings, plant.arm.tree)
 
     def nominal_plant(self) -> ArmPlant:
         """The nominal arm as a plant, with the faults of the plant file but for those that are searched."""

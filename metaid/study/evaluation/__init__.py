@@ -3,7 +3,6 @@ and a sampler for Optuna's own `optimize`.
 """
 
 from metaid.study.evaluation.engines import Evaluator, make_evaluator
-from metaid.study.evaluation.nominal_metric_sampler import NominalMetricSampler
-from metaid.study.evaluation.optuna_objective import OptunaObjective
+from metaid.study.evaluation.optuna_objective import NominalMetricSampler, OptunaObjective
 from metaid.study.evaluation.ray_actors import RayEvaluator
 from metaid.study.evaluation.threads import ThreadEvaluator

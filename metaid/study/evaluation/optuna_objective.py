@@ -1,4 +1,6 @@
-"""A study as an objective that Optuna's own `optimize` can call, with any sampler and any pruner."""
+"""A study as an objective that Optuna's own `optimize` can call, with any sampler and any pruner; and a sampler that
+lets another one work in the nominal model's metric.
+"""
 
 from __future__ import annotations
 
@@ -6,17 +8,20 @@ import json
 import math
 import threading
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import optuna
 from optuna.distributions import FloatDistribution
+from optuna.samplers import BaseSampler
 from optuna.trial import TrialState
 
 from metaid.errors import StudyError
+from metaid.search import MetricSampler, tpe_for_metric
 from metaid.store import EXPERIMENT, MOTION_KEYS, outcome_attributes, study_attributes
 from metaid.study.create import optuna_spec
-from metaid.study.loading import problem_of
+from metaid.study.loading import load_study, problem_of
 from metaid.study.spec import StudySpec
 
 MINIMIZES = [optuna.study.StudyDirection.MINIMIZE]
@@ -154,3 +159,27 @@ class OptunaObjective:
                 return False
             self._with_motion[study.study_name] = kept + 1
             return True
+
+
+class NominalMetricSampler(MetricSampler):
+    """Proposes factors for `metaid.objective(study)` in the coordinates of metaid's own samplers (Eq. 16).
+
+    Args:
+        study: a shipped name, the path of a study file, settings, or the objective itself.
+        sampler: that works in the metric, as `TPESampler` or `CmaEsSampler`; default: multivariate TPE.
+        seed: of the default sampler; another one has its own.
+
+    Raises:
+        StudyError: the study's pushes cannot tell all lumps apart, so that there is no metric.
+    """
+
+    def __init__(
+        self,
+        study: str | Path | StudySpec | OptunaObjective,
+        sampler: BaseSampler | None = None,
+        seed: int | None = None,
+    ) -> None:
+        if isinstance(study, OptunaObjective):
+            study = study.spec
+        problem = problem_of(load_study(study) if isinstance(study, str | Path) else study)
+        super().__init__(problem.names, problem.metric, tpe_for_metric(seed) if sampler is None else sampler)
