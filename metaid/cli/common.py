@@ -246,11 +246,6 @@ def one_line(text: str) -> str:
     return printable(" ".join(text.split()))
 
 
-def number_text(value: float | None, form: str = ".5g") -> str:
-    """A number for a table; a dash where it is not known."""
-    return "–" if value is None or math.isnan(value) else format(value, form)
-
-
 def typed(context: click.Context) -> str:
     """The command that was typed, but for options that are as they are by default."""
     words = []

@@ -12,7 +12,6 @@ from metaid.cli.common import (
     FIGURE_SUFFIXES,
     PATH,
     json_option,
-    number_text,
     print_json,
     print_table,
     say,
@@ -21,6 +20,7 @@ from metaid.cli.common import (
     whole_file,
 )
 from metaid.cli.studies import complete_name, study
+from metaid.frames import number_text
 
 EXAMPLE = """\b
 Example:

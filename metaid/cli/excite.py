@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 import metaid
-from metaid.cli.common import json_option, number_text, numbers, print_json, print_table, refuse_output, say, whole_file
+from metaid.cli.common import json_option, numbers, print_json, print_table, refuse_output, say, whole_file
 from metaid.errors import joints_of, unknown
+from metaid.frames import number_text
 
 if TYPE_CHECKING:
     from metaid.excitation import Excitation, LogNoise

@@ -16,7 +16,8 @@ from typing import TextIO
 
 from rich.cells import cell_len
 
-NOTHING = "–"  # what is printed of a number that is not known
+from metaid.frames import UNKNOWN
+
 UNBROKEN = 24  # letters of a name; a longer text is broken over lines
 GAPS = (3, 2, 1)  # spaces between two columns: as many as there is room for
 UNLIMITED = 160  # letters of a pipe, which has no width of its own
@@ -45,7 +46,7 @@ class Column:
     @property
     def says_nothing(self) -> bool:
         """Whether no cell has a value."""
-        return all(cell in ("", NOTHING) for cell in self.cells)
+        return all(cell in ("", UNKNOWN) for cell in self.cells)
 
 
 @dataclass(frozen=True)

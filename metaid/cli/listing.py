@@ -7,10 +7,10 @@ from typing import Any
 
 import click
 
-from metaid.cli.common import json_option, number_text, open_store, print_json, print_table, say, storage_option
+from metaid.cli.common import json_option, open_store, print_json, print_table, say, storage_option
 from metaid.cli.studies import study
 from metaid.errors import StudyError
-from metaid.frames import json_rows
+from metaid.frames import json_rows, number_text
 
 WORDS, COUNTS = ("name", "plant", "sampler", "measure", "verdict"), ("trials", "pruned")
 

@@ -11,8 +11,8 @@ import click
 
 import metaid
 from metaid import api, show
-from metaid.cli.common import number_text
 from metaid.compiled import ArmPush, Objective
+from metaid.frames import number_text
 from metaid.models import Array
 from metaid.models.tree import Tree
 from metaid.plant import ArmPlant, MujocoPlant

@@ -6,9 +6,10 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from metaid.cli.common import number_text, print_table, say, say_reasons
+from metaid.cli.common import print_table, say, say_reasons
 from metaid.episode import MEASURES
 from metaid.errors import first_of
+from metaid.frames import NO_ERROR, number_text
 from metaid.results import MODEL_ERRORS, RESULTS, describe_possible_bodies, estimate_texts, shown_rows, summary
 
 PLUS_MINUS = "±"  # half the interval
@@ -20,7 +21,6 @@ DIGITS, MOST_DIGITS = 5, 8
 MOST_NAMED = 10  # trials of others
 NUMBERED = "numbered as Optuna numbers them"
 SHORT = 1e-6  # of a unit: what is less is written with an exponent
-NO_ERROR = 1e-9  # as a share: what is less is what rounding left
 SMALL = 5e-6  # as a share: below this a percentage with three digits behind the point says nothing
 
 

@@ -12,7 +12,6 @@ from metaid.cli.common import (
     FIGURE_SUFFIXES,
     PATH,
     json_option,
-    number_text,
     open_store,
     print_json,
     print_table,
@@ -22,6 +21,7 @@ from metaid.cli.common import (
 )
 from metaid.cli.studies import name_argument, study
 from metaid.errors import optional_packages
+from metaid.frames import number_text
 
 
 @study.command(epilog="\b\nExample:\n  metaid study show three-link --json")

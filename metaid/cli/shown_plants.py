@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from metaid.cli.common import number_text, print_json, print_table, warn
+from metaid.cli.common import print_json, print_table, warn
+from metaid.frames import number_text
 from metaid.models import Array, lump_names, lump_unit
 from metaid.models.tree import PARAMETERS, Spring, planar_chain
 from metaid.plant import ArmPlant, ArmSettings, MujocoPlant, PlantSettings, SocketSettings

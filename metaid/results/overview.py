@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from metaid.frames import json_rows
+from metaid.frames import NO_ERROR, json_rows
 from metaid.results.body_tables import body_rows
 from metaid.results.candidates import identified_law
 from metaid.results.lump_tables import fault_table, largest_error
@@ -17,7 +17,6 @@ from metaid.store import ForeignTrial, Store
 from metaid.study.estimates import StudyEstimate
 
 NOTHING = 1e-12  # kg m², kg m, m …: smaller numbers of a body are what rounding left
-NO_ERROR = 1e-9  # as a share
 BEHIND = 0.005  # of half an interval, which is shown by two digits
 
 

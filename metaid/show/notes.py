@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from metaid.frames import number_text
 from metaid.results import Findings, estimate_texts, shown_rows
 from metaid.show.companions import companion_name, is_long
 
@@ -70,7 +71,7 @@ def _table(rows: list[dict[str, Any]], what: str, forms: Mapping[str, str]) -> s
     """
     lines = [f"| {' | '.join((what, *forms, 'unit'))} |", f"| --- |{' ---: |' * len(forms)} --- |"]
     for row in rows:
-        numbers = ["–" if row[key] is None else format(row[key], form) for key, form in forms.items()]
+        numbers = [number_text(row[key], form) for key, form in forms.items()]
         lines.append(f"| `{row['name']}` | {' | '.join(numbers)} | {row['unit']} |")
     return "\n".join(lines)
 

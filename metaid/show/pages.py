@@ -19,13 +19,13 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 import metaid
+from metaid.frames import NO_ERROR, UNKNOWN, number_text
 from metaid.show.figures import INK, laid_out, said_in, style, with_titles
 from metaid.show.figures.gallery import Pictures
 from metaid.show.figures.style import WIDTHS
 
 VERSIONS_OF = ("mujoco-core", "numba", "numpy", "cmaes", "optuna", "matplotlib")
 Watch = Callable[[str], None]
-NO_ERROR = 1e-9  # as a share
 
 
 @dataclass(frozen=True)
@@ -115,15 +115,10 @@ def sentence(text: str) -> str:
     return f"{text[:1].upper()}{text[1:]}."
 
 
-def number_text(value: float | None, form: str = ".5g") -> str:
-    """A number for the page; a dash where it is not known."""
-    return "–" if value is None else format(value, form)
-
-
 def percent_text(share: float | None) -> str:
     """A share as a percentage of two digits for the page, however large; 0 where it is what rounding left, a dash where
     it is not known.
     """
     if share is None:
-        return "–"
+        return UNKNOWN
     return f"{float(f'{100.0 * share:.2g}'):g}%" if abs(share) >= NO_ERROR else "0%"

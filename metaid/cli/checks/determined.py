@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from metaid.cli.checks.until import describe_forecast
-from metaid.cli.common import number_text, print_table, say
+from metaid.cli.common import print_table, say
+from metaid.frames import UNKNOWN, number_text
 from metaid.models import lump_unit
 from metaid.study import Problem, Stepping
 
@@ -29,7 +30,7 @@ def _print_lumps(problem: Problem, shown: dict[str, Any]) -> None:
     rows = [
         [
             row["name"],
-            "–" if row["resolution"] is None else _share(row["resolution"]),
+            UNKNOWN if row["resolution"] is None else _share(row["resolution"]),
             _yes(row),
             *([number_text(row["low"]), number_text(row["high"]), lump_unit(row["name"])] if is_bounded else []),
         ]

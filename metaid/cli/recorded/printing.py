@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from metaid.cli.common import number_text, print_table, say, say_reasons
+from metaid.cli.common import print_table, say, say_reasons
+from metaid.frames import number_text
 
 if TYPE_CHECKING:
     from metaid.recorded import RecordedResult
