@@ -15,7 +15,7 @@ from metaid.errors import PlantError
 from metaid.models import Array, Chain, ChainModel
 from metaid.models.tree import Tree, joint_torque
 from metaid.plant import ArmStart, SocketPlant, Start
-from metaid.study.spec import PushedSettings
+from metaid.study.spec import PushedSettings, StudySpec
 
 QUIETEST_RIG = 1e-4  # rad: the least noise that readings of a rig are taken to have, that of an encoder of 14 bits
 REPEATS = 4  # of each push in a calibration; a power of two, so that the mean of equal speeds is one of them
@@ -242,21 +242,16 @@ def _differing(pushed: PushedSettings) -> Array:
     return np.asarray(share @ share.transpose(0, 2, 1))
 
 
-def calibration_of(pushed: PushedSettings, nominal: Chain, gravity: float, repeats: int) -> Calibration:
-    """What the readings of every trial are compared with.
-
-    Args:
-        pushed: what was measured at the rig.
-        nominal: the chain whose forces bound the accelerations.
-        gravity: in m/s².
-        repeats: of every push.
+def calibration_of(spec: StudySpec, pushed: PushedSettings, nominal: Chain) -> Calibration:
+    """What the readings of every trial are compared with: what was measured at the rig of a study when it was `pushed`.
+    The forces of the `nominal` chain bound the accelerations.
     """
     from scipy.special import stdtrit  # slow to load, and only rigs need it
 
     start_speeds, speed_noise = np.array(pushed.speeds), np.array(pushed.speed_noise)
     variance = (1.0 + 1.0 / REPEATS) * (np.diagonal(_differing(pushed), axis1=1, axis2=2) + speed_noise**2)
-    freedom = (REPEATS - 1) * len(start_speeds) // repeats
+    freedom = (REPEATS - 1) * len(start_speeds) // spec.study.episode.repeats
     deviations = float(stdtrit(freedom, 1.0 - CHANCE / 2.0))  # few repeats tell the spread but roughly
     least = LEAST_TOLERANCE * np.abs(start_speeds).max(axis=1, keepdims=True)
     tolerance = deviations * np.sqrt(variance) + least
-    return Calibration(start_speeds, tolerance, np.array(pushed.angle_noise), speed_noise, nominal, gravity)
+    return Calibration(start_speeds, tolerance, np.array(pushed.angle_noise), speed_noise, nominal, spec.gravity)

@@ -26,7 +26,7 @@ from metaid.models import (
 from metaid.plant import MujocoPlant, PlantSettings, SocketPlant, SocketSettings, Start, chain_of
 from metaid.search import Coordinates, nominal_metric, sensitivity
 from metaid.study.calibration import calibrate_chain, calibration_of
-from metaid.study.contradictions import check_bounds, check_chain, lump_factors, measure_of, upper_bounds
+from metaid.study.contradictions import check_chain, measure_of, search_bounds
 from metaid.study.parameters import Parameters, lumps_of
 from metaid.study.pushing import make_episode, refuse_unseen_pushes, rest_deviations, rest_noise
 from metaid.study.spec import PushedSettings, StudySpec
@@ -60,10 +60,7 @@ class StudiedChain:
         refuse_impossible("nominal model", self.nominal)
         self.lumps: Lumps = self.nominal.lumps_of(spec.study.search.lumps)  # what candidates' factors are of
         self.differ_from, self.names = self.lumps, self.lumps.names
-        search, nlink = spec.study.search, self.nominal.nlink
-        given = {"start": search.start, "low": search.low, "high": upper_bounds(spec)}
-        self.start, self.low, self.high = (lump_factors(key, each, nlink, search) for key, each in given.items())
-        check_bounds(self.names, self.start, self.low, self.high)
+        self.start, self.low, self.high = search_bounds(spec)
 
     # How it is pushed.
 
@@ -95,12 +92,12 @@ class StudiedChain:
         spec, pushed = self.spec, self.spec.pushed
         moved = self.plant() if spec.is_simulated else self.nominal_plant()
         try:
-            episode = make_episode(moved, spec, self.nominal, self.measure)
+            episode = make_episode(moved, spec, self.nominal)
             if pushed is None:
                 speeds = pushed_speeds(moved, episode.pushes)
             else:
                 speeds = np.cumsum(pushed.speeds, axis=1)
-                known = calibration_of(pushed, self.nominal, spec.gravity, spec.study.episode.repeats)
+                known = calibration_of(spec, pushed, self.nominal)
                 episode = replace(episode, pushes=np.array(pushed.impulses), calibration=known)
         except EpisodeError as problem:
             raise StudyError(f"episode: {problem}") from None
@@ -111,7 +108,7 @@ class StudiedChain:
 
     def calibrated(self, rig: SocketPlant) -> PushedSettings:
         """What is measured at the `rig` of the study."""
-        pushes = make_episode(rig, self.spec, self.nominal, self.measure).pushes
+        pushes = make_episode(rig, self.spec, self.nominal).pushes
         return calibrate_chain(rig, self.nominal, pushes, self.spec.study.episode.repeats)
 
     def plant(self) -> MujocoPlant:

@@ -17,6 +17,7 @@ from metaid.study.spec import StudySpec
 MOST_STEPS = 100_000_000  # of a trial: some ten seconds of a core at two links, minutes at ten
 MOST_MEMORY = 8 * 2**30  # bytes
 AT_ONCE = 32  # trials of a generation whose angles are kept until their measure is known
+RESTS = 200  # horizons of a push for which the readings of a noisy plant at rest are watched
 SAMPLED = 40  # times after each push at which the nominal model is looked at (`search/sensitivity.py`)
 NUMBER = 8  # bytes
 OF_JOINTS = ("viscous", "dry", "rotor")  # faults that are among the base parameters of an arm
@@ -97,45 +98,34 @@ def check_chain(spec: StudySpec, nominal: Chain) -> None:
             )
 
 
-def check_bounds(names: list[str], starts: Array, lows: Array, highs: Array) -> None:
-    """Refuses a start outside its bounds.
-
-    Args:
-        names: of what is searched (nsearched).
-        starts: where the search begins (nsearched).
-        lows: the least allowed values (nsearched).
-        highs: the largest allowed values (nsearched).
-
-    Raises:
-        StudyError: a start is not within its bounds, or bounds leave nothing between them.
+def search_bounds(spec: StudySpec) -> tuple[Array, Array, Array]:
+    """Where the search begins, and the least and the largest that each factor may be (nlump each), as `[search]` says.
+    Raises StudyError where that names a lump that is not there, a start is not within its bounds, or bounds leave
+    nothing between them.
     """
-    for name, start, low, high in zip(names, starts, lows, highs, strict=True):
+    search = spec.study.search
+    given = {"start": search.start, "low": search.low, "high": upper_bounds(spec)}
+    starts, lows, highs = (_lump_factors(spec, key, value) for key, value in given.items())
+    for name, start, low, high in zip(spec.names, starts, lows, highs, strict=True):
         if not low < high or not low <= start <= high:
             raise StudyError(
                 f"search: the start {start:g} of {name} is not within its bounds {low:g} to {high:g} "
                 "(allowed: low <= start <= high, low < high)"
             )
+    return starts, lows, highs
 
 
-def check_size(spec: StudySpec, measure: Measure, pushes: int, steps: int, rests: int) -> None:
-    """Refuses a study before anything is allocated for it.
-
-    Args:
-        spec: its settings.
-        measure: of the study.
-        pushes: of an episode, repeats included.
-        steps: after each push.
-        rests: horizons for which a noisy plant is watched at rest.
-
-    Raises:
-        StudyError: a trial has too many steps, or what is kept of them does not fit into any memory.
+def check_size(spec: StudySpec, pushes: int, steps: int) -> None:
+    """Refuses a study of so many `pushes`, repeats included, and `steps` after each before anything is allocated for
+    it.  Raises StudyError where a trial has too many steps, or what is kept of them does not fit into any memory.
     """
+    measure = measure_of(spec.study.episode)
     njoint, what = len(spec.joints), f"episode: {pushes:,} pushes of {steps:,} steps"
     hint = "fewer of episode.steps, episode.count or episode.repeats"
     if pushes * steps > MOST_STEPS:
         raise StudyError(f"{what} are too many for a trial (allowed: at most {MOST_STEPS:,} steps in all; {hint})")
     faulty = spec.is_simulated and bool(spec.faults.named or spec.study.episode.lead)
-    copies = rests / pushes if measure.is_noisy else 0.0  # readings of a plant at rest
+    copies = RESTS / pushes if measure.is_noisy else 0.0  # readings of a plant at rest
     copies += (5 if faulty else 0) * spec.study.workers  # noise of three kinds, angles and speeds
     copies += AT_ONCE if measure.keeps_angles and not faulty else 0
     coasting = pushes * SAMPLED * njoint * (njoint + len(spec.names)) * NUMBER  # Eq. 15
@@ -161,22 +151,12 @@ def upper_bounds(spec: StudySpec) -> Factors:
     return HIGH
 
 
-def lump_factors(key: str, given: Factors, nlink: int, search: SearchSettings) -> Array:
-    """What `[search]` gives for its lumps (nlump).
-
-    Args:
-        key: "start", "low" or "high".
-        given: its value.
-        nlink: the number of links.
-        search: the table itself.
-
-    Raises:
-        StudyError: a lump is not known.
-    """
+def _lump_factors(spec: StudySpec, key: str, given: Factors) -> Array:
+    """What is `given` by a key of `[search]` for its lumps (nlump)."""
     default = HIGH if key == "high" else float(SearchSettings.model_fields[key].default)
     one, table = (default, given) if isinstance(given, dict) else (given, {})
     try:
-        return factors_from_names(table, nlink, one, search.lumps)
+        return factors_from_names(table, len(spec.joints), one, spec.study.search.lumps)
     except EpisodeError as problem:
         raise StudyError(f"search: {key}: {problem}") from None
 

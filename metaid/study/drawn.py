@@ -10,7 +10,7 @@ import numpy as np
 
 from metaid.models.tree import PriorDeviations, Tree
 from metaid.plant import ArmPlant
-from metaid.study.settings import EpisodeSettings
+from metaid.study.settings import StudySettings
 from metaid.study.spec import StartSettings
 
 
@@ -30,19 +30,15 @@ def drawn_nominal(tree: Tree, seed: int, prior: PriorDeviations) -> Tree:
     return replace(tree, mass=mass, com=com, inertia=inertia, rotor=nothing, damping=nothing, coulomb=nothing)
 
 
-def drawn_starts(episode: EpisodeSettings, plant: ArmPlant, nominal: Tree, seed: int) -> tuple[StartSettings, ...]:
-    """From where the pushes begin, those that coast before those that swing as on springs.
-
-    Args:
-        episode: how many of each there are, and how fast they are.
-        plant: the arm, with the shapes that are not to touch.
-        nominal: the arm by which springs are as stiff as the motors have torque for.
-        seed: of the draw.
+def drawn_starts(study: StudySettings, plant: ArmPlant, nominal: Tree) -> tuple[StartSettings, ...]:
+    """From where the pushes of a study begin, those that coast before those that swing as on springs. The shapes of the
+    `plant` are not to touch. Springs are as stiff as its motors have torque for by the `nominal` arm.
     """
     from metaid.plant.description import draw_starts  # loads MuJoCo
 
+    episode = study.episode
     coasts = episode.coasts or 2 * plant.njoint
     springs = plant.njoint if episode.springs is None else episode.springs
-    starts = draw_starts(plant, coasts + springs, episode.horizon, seed, episode.speed)
+    starts = draw_starts(plant, coasts + springs, episode.horizon, study.seed, episode.speed)
     written = [StartSettings.of(start) for start in starts]
     return (*written[:coasts], *(each.with_springs(nominal, episode.stiffness) for each in written[coasts:]))

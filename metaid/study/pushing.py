@@ -16,7 +16,6 @@ from metaid.episode import (
     WINDOWS,
     Episode,
     FallRule,
-    Measure,
     NoiseFloor,
     even_ends,
     natural_time,
@@ -30,7 +29,7 @@ from metaid.errors import EpisodeError, StudyError
 from metaid.models import Array, Chain
 from metaid.plant import FaultyPlant, MujocoPlant, Plant
 from metaid.search import SAMPLERS, designed_speeds
-from metaid.study.contradictions import check_size
+from metaid.study.contradictions import RESTS, check_size, measure_of
 from metaid.study.settings import LARGEST_STEPS
 from metaid.study.spec import StudySpec
 
@@ -41,7 +40,6 @@ SLOWEST_PUSH = 1e-9  # rad/s of the fastest link after a push; what is slower is
 # began, sooner with each link, and then no fit finds the truth. Where they are matched, simulated pushes are as many
 # times stronger, for the same reason; a rig has stops and cables, so its pushes are not unless its user says so.
 LONGEST_READ, LINKS_READ = 2.0, 6.0
-RESTS = 200  # horizons of a push for which the readings of a plant at rest are watched
 GROWTH = 2.0  # of a window over the one before, at most, up to MOST_WINDOWS
 MOST_WINDOWS = 10
 COUNTED_WINDOWS = 20  # of the same length, where counts are compared: as often are the counters read
@@ -50,19 +48,14 @@ COUNTING_STEPS = 5000  # after a tip push, as in the paper
 TIP_SPEED = 0.1  # rad/s of the fastest link after a tip push: small, so that the oscillation is
 
 
-def make_episode(plant: Plant, spec: StudySpec, nominal: Chain, measure: Measure) -> Episode:
-    """What a study does to its plant in an episode.
+def make_episode(plant: Plant, spec: StudySpec, nominal: Chain) -> Episode:
+    """What a study does to its `plant` in an episode, which is struck to find out how it answers. The natural time of
+    the `nominal` chain sets the horizon, and by it designed pushes are designed.
 
-    Args:
-        plant: that is pushed; it is struck to find out how it answers.
-        spec: the study's settings.
-        nominal: the chain whose natural time sets the horizon, and by which designed pushes are designed.
-        measure: of the study.
-
-    Raises:
-        EpisodeError: the settings contradict each other, or a push does not have one finite impulse for each link.
-        StudyError: a trial is too large to be computed.
+    Raises EpisodeError where the settings contradict each other, or a push does not have one finite impulse for each
+    link, and StudyError where a trial is too large to be computed.
     """
+    measure = measure_of(spec.study.episode)
     wanted, timestep = spec.study.episode, spec.timestep
     kind = wanted.pushes or ("rich" if measure.sees_coriolis else "tip")
     count = len(kind) if isinstance(kind, list) else 1 if kind == "tip" else wanted.count or 2 * plant.njoint
@@ -81,14 +74,14 @@ def make_episode(plant: Plant, spec: StudySpec, nominal: Chain, measure: Measure
         pushed = steps * timestep
         if SAMPLERS[spec.study.sampler].by_estimate and wanted.steps is None:
             steps = max(steps, read)
-        check_size(spec, measure, count * wanted.repeats, steps, RESTS)
+        check_size(spec, count * wanted.repeats, steps)
         pushes = _strong_pushes(plant, kind, spec, nominal, pushed)
         # A link that is pushed past 180° on purpose has not fallen there.
         fall_limit = RICH_FALL_LIMIT * _strength(spec)
         runaway = np.inf if spec.is_simulated else RICH_RUNAWAY
     else:
         steps, fall_limit, runaway = wanted.steps or COUNTING_STEPS, FALL_LIMIT, np.inf
-        check_size(spec, measure, count * wanted.repeats, steps, RESTS)
+        check_size(spec, count * wanted.repeats, steps)
         pushes = tip_push(plant, wanted.peak_speed or TIP_SPEED) if kind == "tip" else _explicit(kind, plant.njoint)
     pushes = np.tile(pushes, (wanted.repeats, 1))
     rule = FallRule(wanted.fall_limit or fall_limit, wanted.fall_margin, wanted.fall_runaway or runaway)

@@ -98,7 +98,7 @@ def _spec(path: Path, study: StudySettings, named: Named) -> StudySpec:
     return StudySpec(
         nominal=TreeSettings.of(nominal),
         counted_by=base_parameters(nominal, None, "tilt" in study.estimate.undeclared_faults).names,
-        starts=drawn_starts(study.episode, arm, nominal, study.seed),
+        starts=drawn_starts(study, arm, nominal),
         **whole,
     )
 
