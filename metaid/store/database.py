@@ -49,7 +49,7 @@ COMPANION = " (thinned)"  # ends the name of a copy of a long study, for a brows
 SPEC_KEY = "metaid:study"
 MOST_SHOWN = 64  # trials of others whose motion is read
 # Called with a transaction that is about to write to a study, and the study's id; raises where it must not.
-WriteCheck = Callable[[sa.Connection, int], None]
+WriteCheck = Callable[[sa.Connection, int], object]
 SPOILED = ValueError, TypeError, LookupError, ArithmeticError  # what reading a row of another type or form raises
 
 _ATTRIBUTES = {True: STUDY_ATTRIBUTES, False: STUDY_SYSTEM_ATTRIBUTES}  # by who sees them

@@ -78,23 +78,22 @@ class Driver(BaseModel):
 
 
 class Lease:
-    """A context manager that holds a study for this driver.  Raises StorageError, saying who runs it since when, where
-    another does.
+    """A context manager that holds the study of a `name` in a `store` for this driver.  Raises StorageError, saying who
+    runs it since when, where another does.
     """
 
     held_here: ClassVar[set[str]] = set()  # tokens that drivers of this process hold
 
     def __init__(self, store: Store, name: str) -> None:
-        self._store = store
-        self._name = name
+        self.store = store
+        self.name = name
         self._over = threading.Event()
         self._pulse = threading.Thread(target=self._beat, name="metaid-lease", daemon=True)
 
     def __enter__(self) -> Lease:
-        with self._store.writing(self._name) as (connection, study_id):
-            now = _clock(connection)
-            refuse_if_run(connection, study_id, self._name, now)
-            if self._store.is_sqlite:
+        with self.store.writing(self.name) as (connection, study_id):
+            now = refuse_if_run(connection, study_id, self.name)
+            if self.store.is_sqlite:
                 remove_orphans(connection)
             self._ahead = now - datetime.now(UTC)
             self._driver = _this_driver(now)
@@ -110,7 +109,7 @@ class Lease:
         self._pulse.join()
         Lease.held_here.discard(self._driver.token)
         # A lease that cannot be given up now is free once this process has ended, and to this process itself.
-        with contextlib.suppress(StorageError), self._store.writing(self._name) as (connection, study_id):
+        with contextlib.suppress(StorageError), self.store.writing(self.name) as (connection, study_id):
             connection.execute(_release, self._values(study_id))
 
     def renew(self, connection: sa.Connection, study_id: int) -> None:
@@ -123,7 +122,7 @@ class Lease:
             return
         taker = _driver(connection.scalar(_held, {"study": study_id}))
         taken = "given up" if taker is None else f"taken over: it is being run {taker.describe(_clock(connection))}"
-        raise StorageError(f"study '{self._name}': this driver gave no sign of life, and the study was {taken}")
+        raise StorageError(f"study '{self.name}': this driver gave no sign of life, and the study was {taken}")
 
     def _values(self, study_id: int) -> dict[str, Any]:
         return {"study": study_id, "owner": f'{{"token":"{self._driver.token}"%'}
@@ -132,26 +131,18 @@ class Lease:
         """Shows every now and then that this driver is alive, however long its generations take."""
         while not self._over.wait(INTERVAL):
             # The next write needs the DB too, and says what is wrong with it.
-            with contextlib.suppress(StorageError), self._store.writing(self._name) as (connection, study_id):
+            with contextlib.suppress(StorageError), self.store.writing(self.name) as (connection, study_id):
                 self.renew(connection, study_id)
 
 
-def refuse_if_run(connection: sa.Connection, study_id: int, name: str, now: datetime | None = None) -> None:
-    """Refuses a study that a driver runs.
-
-    Args:
-        connection: to the DB, within a transaction.
-        study_id: of the study in the DB.
-        name: of the study, for the message.
-        now: the time by the DB's clock, where it is known already.
-
-    Raises:
-        StorageError: a driver runs the study; the message says who, and since when.
+def refuse_if_run(connection: sa.Connection, study_id: int, name: str) -> datetime:
+    """What time it is by the DB's clock, in a transaction over a `connection`.  Raises StorageError where a driver runs
+    the study of that id and `name`: the message says who, and since when.
     """
-    driver = _driver(connection.scalar(_held, {"study": study_id}))
-    now = now or _clock(connection)
+    now, driver = _clock(connection), _driver(connection.scalar(_held, {"study": study_id}))
     if driver is not None and driver.lives(now):
         raise StorageError(f"study '{name}' is being run {driver.describe(now)}")
+    return now
 
 
 def _driver(lease: str | None) -> Driver | None:

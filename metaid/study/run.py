@@ -107,12 +107,12 @@ def run_study(
         if not run.done:
             with (
                 closing(make_evaluator(run.problem, engine, workers, ray_address, patience)) as evaluator,
-                Writer(store, name, run.problem, lease, patience, wait) as writer,
+                Writer(lease, run.problem, patience, wait) as writer,
             ):
                 _finish(run, evaluator, writer, watch)
         if run.number < total and store.attribute(name, ENDED_KEY) != run.number:
             store.set_attribute(name, ENDED_KEY, run.number)
-        keep_estimate(store, name, problem_of(spec), lease)
+        keep_estimate(lease, problem_of(spec))
     store.check_written(name, run.number)
     return run.progress
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from types import TracebackType
 
 from metaid.errors import StorageError, UnreachableError
-from metaid.store import Lease, Store, Trial
+from metaid.store import Lease, Trial
 from metaid.study.problem import Problem
 
 SERVER_PATIENCE = 300.0  # s without an answer of the DB's server after which it is given up, as when it is restarted
@@ -21,27 +21,17 @@ class Writer:
     its own: an error in writing ends the run at once.
 
     Args:
-        store: the study DB.
-        name: the study's.
-        problem: of which the trials are.
         lease: by which this driver holds the study.
+        problem: of which the trials are.
         patience: s without an answer of the DB's server after which the run ends; None for SERVER_PATIENCE.
         on_wait: called while the server does not answer, with the number of trials in the DB and what is waited for.
     """
 
     def __init__(
-        self,
-        store: Store,
-        name: str,
-        problem: Problem,
-        lease: Lease,
-        patience: float | None,
-        on_wait: Callable[[int, str], None],
+        self, lease: Lease, problem: Problem, patience: float | None, on_wait: Callable[[int, str], None]
     ) -> None:
-        self._store = store
-        self._name = name
-        self._problem = problem
         self._lease = lease
+        self._problem = problem
         self._patience = SERVER_PATIENCE if patience is None else patience
         self._on_wait = on_wait
         self._is_unreachable = False  # whether the server did not answer the last attempt
@@ -63,7 +53,7 @@ class Writer:
                 if now - begun >= self._patience:
                     raise StorageError(
                         f"{problem}; no answer for {self._patience:g} s; {before} trials are in it; go on with: "
-                        f"metaid study run {self._name}"
+                        f"metaid study run {self._lease.name}"
                     ) from None
                 self._on_wait(before, f"waiting for the study DB: {problem}")
                 time.sleep(min(PAUSE, self._patience - (now - begun)))
@@ -72,9 +62,9 @@ class Writer:
 
     def _append(self) -> None:
         # A server that goes away in the middle of a commit may have written them all the same.
-        if not self._is_unreachable or self._store.count(self._name) != self.trials[-1].number + 1:
-            of = self._problem
-            self._store.append(self._name, of.names, of.low, of.high, self.trials, write_check=self._lease.renew)
+        of, store, name = self._problem, self._lease.store, self._lease.name
+        if not self._is_unreachable or store.count(name) != self.trials[-1].number + 1:
+            store.append(name, of.names, of.low, of.high, self.trials, write_check=self._lease.renew)
 
     def __enter__(self) -> Writer:
         return self
@@ -85,5 +75,5 @@ class Writer:
         if isinstance(error, StorageError) or (error is not None and self._is_unreachable):
             return
         # An interrupt may come just after the transaction that wrote them.
-        if error is None or (self.trials and self._store.count(self._name) == self.trials[0].number):
+        if error is None or (self.trials and self._lease.store.count(self._lease.name) == self.trials[0].number):
             self.write()

@@ -25,18 +25,11 @@ KEY = "metaid:estimate"
 SOURCES = "models", "plant", "episode", "compiled", "estimation", "study"  # the packages that an estimate follows from
 
 
-def keep_estimate(store: Store, name: str, problem: Problem, lease: Lease) -> None:
-    """Keeps the estimate of all trials in the DB with their study, unless it is there.
-
-    Args:
-        store: the study DB.
-        name: of the study.
-        problem: its own.
-        lease: by which this driver holds the study.
-
-    Raises:
-        StorageError: the DB cannot be used, or another driver has taken the study.
+def keep_estimate(lease: Lease, problem: Problem) -> None:
+    """Keeps the estimate of all trials in the DB with the study of a `problem`, unless it is there; the `lease` is by
+    which this driver holds it.  Raises StorageError where the DB cannot be used, or another driver has taken the study.
     """
+    store, name = lease.store, lease.name
     stored = store.read(name, problem.spec.names)
     is_of = _is_of(problem, stored.own, stored.foreign)
     kept = kept_with(store, name)
