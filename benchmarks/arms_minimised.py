@@ -12,7 +12,7 @@ from benchmarks.arm_rigs import WITHIN, experiment_on, plant_of
 from benchmarks.common import table
 from metaid.compiled import Objective
 from metaid.models.tree import ModelError, model_error
-from metaid.search import SamplerOptions, arm_sensitivity, make_searcher, prior_metric
+from metaid.search import SamplerOptions, arm_sensitivity, make_searcher, plain_coordinates, prior_metric
 from metaid.study.settings import ARM_STEP
 
 MINIMISERS = ("cmaes", "tpe", "optuna-cmaes")
@@ -58,7 +58,7 @@ def minimise(name: str, seed: int, sampler: str, trials: int, noise: float, is_s
     reach = FARTHEST * np.sqrt(np.diag(prior.covariance))
     began = time.process_time()
     h = arm_sensitivity(prior, episode, plant.timestep)
-    coordinates = prior_metric(h, prior, prior.values - reach, prior.values + reach)
+    coordinates = prior_metric(h, prior, plain_coordinates(prior.values, prior.values - reach, prior.values + reach))
     searcher = make_searcher(sampler, coordinates, seed, SamplerOptions(sigma=ARM_STEP))
     objective = Objective(plant, prior, episode, "kinetic")
     number = falls = 0

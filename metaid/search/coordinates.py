@@ -7,7 +7,7 @@ number of links.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -60,17 +60,11 @@ def plain_coordinates(start: Array, low: Array, high: Array) -> Coordinates:
     return Coordinates(start, np.eye(len(start)), low, high)
 
 
-def nominal_metric(h: Array, start: Array, low: Array, high: Array) -> Coordinates:
-    """Coordinates in which the spectral measure is round, with the least determined factor at unit spread.  Eq. 16.
+def nominal_metric(h: Array, plain: Coordinates) -> Coordinates:
+    """Coordinates from the same start and within the same bounds as `plain` ones in which the spectral measure is
+    round, by its sensitivity H (nlump x nlump), in rad²/s², with the least determined factor at unit spread.  Eq. 16.
 
-    Args:
-        h: the measure's sensitivity (nlump x nlump), in rad²/s².
-        start: factors at z = 0 (nlump).
-        low: bounds of the factors (nlump).
-        high: bounds of the factors (nlump).
-
-    Raises:
-        EpisodeError: the pushes do not determine some combination of lumps.
+    Raises EpisodeError where the pushes do not determine some combination of lumps.
     """
     values, vectors = np.linalg.eigh(h)
     if not values[0] > LEAST_SENSITIVITY * values[-1]:
@@ -80,22 +74,15 @@ def nominal_metric(h: Array, start: Array, low: Array, high: Array) -> Coordinat
         )
     root = vectors / np.sqrt(values) @ vectors.T
     unit = np.diag(root @ root).max()
-    return Coordinates(start, root / np.sqrt(unit), low, high, curvature=1.0 / (unit * (2.0 * np.pi) ** 2))
+    return replace(plain, spread=root / np.sqrt(unit), curvature=1.0 / (unit * (2.0 * np.pi) ** 2))
 
 
-def prior_metric(h: Array, prior: ArmPrior, low: Array, high: Array) -> Coordinates:
-    """Coordinates in which the kinetic measure is round, but for what it hardly shows, which is not stretched beyond
-    its prior.  Eq. 63.
-
-    Args:
-        h: the measure's sensitivity (nbase x nbase).
-        prior: of the arm; its base parameters are the start.
-        low: bounds of the base parameters (nbase).
-        high: bounds of the base parameters (nbase).
+def prior_metric(h: Array, prior: ArmPrior, plain: Coordinates) -> Coordinates:
+    """Those in which the kinetic measure is round, by its sensitivity H (nbase x nbase), but for what it hardly shows,
+    which is not stretched beyond the `prior` of the arm.  Eq. 63.
     """
     values, vectors = np.linalg.eigh(prior.root.T @ h @ prior.root)
     mean = float(values.mean())
     stretched = vectors / np.sqrt(np.maximum(values, 0.0) + LEAST_SHOWN * mean) @ vectors.T
     unit = np.sqrt(mean) / SPREAD
-    curvature = (unit / (2.0 * np.pi)) ** 2
-    return Coordinates(prior.values, unit * prior.root @ stretched, low, high, curvature)
+    return replace(plain, spread=unit * prior.root @ stretched, curvature=(unit / (2.0 * np.pi)) ** 2)

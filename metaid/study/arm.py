@@ -108,9 +108,9 @@ class StudiedArm:
         """
         return arm_sensitivity(self.prior, self.episode, self.spec.timestep, values)
 
-    def metric(self, low: Array, high: Array) -> Coordinates:
-        """The metric of the measure within bounds (nbase each)."""
-        return prior_metric(self.sensitivity(), self.prior, low, high)
+    def metric(self, plain: Coordinates) -> Coordinates:
+        """The metric of the measure in place of `plain` coordinates."""
+        return prior_metric(self.sensitivity(), self.prior, plain)
 
     @property
     def seen(self) -> NDArray[np.bool_]:

@@ -141,10 +141,10 @@ class StudiedChain:
         horizon = self.episode.steps * self.spec.timestep
         return sensitivity(self.nominal, self.spec.gravity, self.start_speeds, horizon, self.lumps.searched)
 
-    def metric(self, low: Array, high: Array) -> Coordinates:
-        """The nominal metric within bounds (nlump each).  Raises StudyError where it does not exist."""
+    def metric(self, plain: Coordinates) -> Coordinates:
+        """The nominal metric in place of `plain` coordinates.  Raises StudyError where it does not exist."""
         try:
-            metric = nominal_metric(self.sensitivity(), self.start, low, high)
+            metric = nominal_metric(self.sensitivity(), plain)
         except EpisodeError as problem:
             raise StudyError(f"search: coordinates: {problem}") from None
         return metric if self.measure.name == "spectral" else replace(metric, curvature=None)

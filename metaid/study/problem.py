@@ -155,14 +155,17 @@ class Problem:
     @cached_property
     def coordinates(self) -> Coordinates:
         """What a searcher moves in.  Raises StudyError where the nominal metric does not exist."""
-        if self.spec.study.search.coordinates == "plain" or self.is_matching:
-            return plain_coordinates(self.robot.start, self.low, self.high)
-        return self.metric
+        is_plain = self.spec.study.search.coordinates == "plain" or self.is_matching
+        return self._plain if is_plain else self.metric
 
     @cached_property
     def metric(self) -> Coordinates:
         """The nominal metric, whatever the searcher moves in.  Raises StudyError where it does not exist."""
-        return self.robot.metric(self.low, self.high)
+        return self.robot.metric(self._plain)
+
+    @property
+    def _plain(self) -> Coordinates:
+        return plain_coordinates(self.robot.start, self.low, self.high)
 
     @property
     def widens(self) -> bool:

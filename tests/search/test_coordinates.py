@@ -32,7 +32,9 @@ def test_landscape_is_round_in_the_nominal_metric() -> None:
     pushes = rich_pushes(plant, 6, 4.0, seed=2)
     one = np.ones(6)
     speeds = pushed_speeds(plant, pushes)
-    metric = nominal_metric(sensitivity(plant.chain, plant.gravity, speeds, 0.3), one, 0.5 * one, 2 * one)
+    metric = nominal_metric(
+        sensitivity(plant.chain, plant.gravity, speeds, 0.3), plain_coordinates(one, 0.5 * one, 2 * one)
+    )
     objective = Objective(plant, plant.chain.lumps, Episode(pushes, 150), "spectral")
 
     def spread(coordinates) -> float:  # type: ignore[no-untyped-def]
@@ -48,7 +50,7 @@ def test_curvature_in_the_nominal_metric_is_what_the_measure_shows() -> None:
     plant, one = random_plant(3), np.ones(6)
     pushes = rich_pushes(plant, 6, 4.0, seed=2)
     h = sensitivity(plant.chain, plant.gravity, pushed_speeds(plant, pushes), 150 * plant.timestep)
-    metric = nominal_metric(h, one, 0.5 * one, 2 * one)
+    metric = nominal_metric(h, plain_coordinates(one, 0.5 * one, 2 * one))
     objective = Objective(plant, plant.chain.lumps, Episode(pushes, 150), "spectral")
     assert metric.curvature is not None
     for z in 1e-4 * np.random.default_rng(1).normal(size=(5, 6)):
@@ -60,7 +62,9 @@ def test_factors_and_coordinates_are_inverse_and_bounds_hold() -> None:
     plant = random_plant(2)
     speeds = pushed_speeds(plant, rich_pushes(plant, 4, 4.0, seed=3))
     one = np.ones(3)
-    metric = nominal_metric(sensitivity(plant.chain, plant.gravity, speeds, 0.3), one, 0.5 * one, 2 * one)
+    metric = nominal_metric(
+        sensitivity(plant.chain, plant.gravity, speeds, 0.3), plain_coordinates(one, 0.5 * one, 2 * one)
+    )
     z = np.array([0.01, -0.02, 0.03])
     assert metric.z(metric.factors(z)) == pytest.approx(z)
     assert metric.inside(z)
@@ -79,7 +83,7 @@ def test_pushes_that_cannot_tell_lumps_apart_are_refused() -> None:
     one = np.ones(10)
     speeds = pushed_speeds(plant, tip_push(plant, 1e-3))
     with pytest.raises(EpisodeError, match="cannot tell all lumps apart"):
-        nominal_metric(sensitivity(plant.chain, plant.gravity, speeds, 0.3), one, 0.5 * one, 2 * one)
+        nominal_metric(sensitivity(plant.chain, plant.gravity, speeds, 0.3), plain_coordinates(one, 0.5 * one, 2 * one))
 
 
 @pytest.mark.parametrize("nlink", [2, 3, 5])
