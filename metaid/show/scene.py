@@ -23,19 +23,14 @@ HALF_VIEW = 22.5  # degrees, from the middle of a picture to its upper edge
 PIXELS = 720  # of a picture's longest side at most
 
 
-def scene(chain: Chain, gravity: float, timestep: float, tilt: float = 0.0) -> mujoco.MjModel:
-    """The chain on its stand: links as rods, joints and centres of mass as balls.
+def scene(plant: MujocoPlant) -> mujoco.MjModel:
+    """A chain on its stand: links as rods, joints and centres of mass as balls.
 
-    It is the plant's own model (`build_spec`) with shapes that weigh nothing, so it moves as the plant does.
-    A tilted base is drawn upright, and gravity tilted.
-
-    Args:
-        chain: its links.
-        gravity: in m/s².
-        timestep: in s.
-        tilt: of the base, in rad, positive towards positive angles.
+    It is the plant's own model (`build_spec`) with shapes that weigh nothing, so it moves as the `plant` does. A tilted
+    base is drawn upright, and gravity tilted.
     """
-    spec = build_spec(chain, gravity, timestep, tilt)
+    chain = plant.chain
+    spec = build_spec(chain, plant.felt_gravity, plant.timestep, plant.tilt)
     spec.visual.global_.offwidth = spec.visual.global_.offheight = PIXELS
     spec.visual.headlight.ambient = [0.5, 0.5, 0.5]
     spec.visual.headlight.diffuse = [0.5, 0.5, 0.5]
@@ -121,7 +116,7 @@ def in_viewer(plant: MujocoPlant | ArmPlant) -> tuple[mujoco.MjModel, Array]:
     chain upright, of an arm at home. Of that it is the whole file, where that has shapes, else rods.
     """
     if isinstance(plant, MujocoPlant):
-        return scene(plant.chain, plant.felt_gravity, plant.timestep, plant.tilt), np.zeros(plant.njoint)
+        return scene(plant), np.zeros(plant.njoint)
     whole = plant.arm.whole
     return (whole.model, whole.pose) if whole.model.ngeom else (_rods(plant), plant.home)
 

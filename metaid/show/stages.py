@@ -60,7 +60,7 @@ class ChainStage:
     @property
     def model(self) -> MjModel:
         """What is drawn."""
-        return scene(self.plant.chain, self.plant.gravity, self.plant.timestep)
+        return scene(self.plant)
 
     def poses(self, angles: Array) -> Array:
         """Coordinates of all joints of the model (... x nq) where those that move are at `angles` (... x njoint)."""

@@ -26,6 +26,7 @@ from metaid.show.figures.tracking import plot_tracking
 if TYPE_CHECKING:
     from metaid.estimation import Replay
     from metaid.results import Findings, Plane, Sweep
+    from metaid.study.estimates import StudyEstimate
 
 LEAST_HEIGHT = 2.3  # inches: 200 pixels of a phone
 PANELS = 12  # lumps at most in a figure of one panel each
@@ -278,16 +279,20 @@ class Gallery(Pictures):
             "near 1 or −1 a combination of two lumps is known better than either."
         )
 
+    @property
+    def estimate(self) -> StudyEstimate:
+        """What all trials say, where there is a figure of that."""
+        assert self.found.estimate is not None
+        return self.found.estimate
+
     @cached_property
     def replay(self) -> Replay:
         """A trial as the plant showed it, and as the twin at the estimate does; of its hinges alone."""
-        assert self.found.estimate is not None
-        whole, hinges = self.found.estimate.replay(), ~self.found.problem.robot.slides
+        whole, hinges = self.estimate.replay(), ~self.found.problem.robot.slides
         parts = {part: getattr(whole, part)[..., hinges] for part in ("seen", "simulated", "noise")}
         return replace(whole, **parts, joints=tuple(np.array(whole.joints)[hinges].tolist()))
 
     def _motion(self, width: float) -> Drawn:
-        assert self.found.estimate is not None
         titles = self.found.problem.robot.push_titles
         pushes = np.unique(np.linspace(0, len(titles) - 1, PUSHES).round().astype(int)).tolist()
         figure, axes = pairs_of_panels(width, len(pushes))
@@ -298,7 +303,7 @@ class Gallery(Pictures):
             for panel in (motion, difference):
                 panel.label_outer()
         share_legend(figure, [motion for motion, _ in axes])
-        which = "first trial" if self.found.estimate.explains else "trial that it shows worst"
+        which = "first trial" if self.estimate.explains else "trial that it shows worst"
         caption = (
             f"What the plant showed and what the twin at the estimate shows under the same law, in the {which}; below "
             "each push the difference."
@@ -307,10 +312,9 @@ class Gallery(Pictures):
         return figure, caption + more
 
     def _residuals(self, width: float) -> Drawn:
-        assert self.found.estimate is not None
         figure = Figure(figsize=(width, 2.4), layout="constrained")
-        plot_residuals(self.found.estimate, figure.subplots())
-        if self.found.estimate.estimate.counts is not None:
+        plot_residuals(self.estimate, figure.subplots())
+        if self.estimate.estimate.counts is not None:
             return figure, "By how much the twin's counts of half periods differ from the plant's, by push and joint."
         return figure, (
             "By how much the twin's motion differs from what was seen, by push and joint over all trials of the "
@@ -318,9 +322,8 @@ class Gallery(Pictures):
         )
 
     def _covariance(self, width: float) -> Drawn:
-        assert self.found.estimate is not None
-        figure = square(width, len(self.found.estimate.estimate.names))
-        plot_covariance(self.found.estimate, figure.subplots())
+        figure = square(width, len(self.estimate.estimate.names))
+        plot_covariance(self.estimate, figure.subplots())
         noun = self.found.sought.noun
         return figure, (
             f"Correlation of the {noun}s by the covariance of the estimate: "
@@ -328,12 +331,10 @@ class Gallery(Pictures):
         )
 
     def _growth(self, width: float) -> Drawn:
-        assert self.found.estimate is not None
-        true = self.found.problem.robot.true_values(
-            self.found.problem.robot.estimated
-        )  # the truth meets the result in reports alone
+        robot = self.found.problem.robot
+        true = robot.true_values(robot.estimated)  # the truth meets the result in reports alone
         figure = Figure(figsize=(width, 2.4), layout="constrained")
-        plot_growth(self.found.estimate, None if np.isnan(true).any() else true, figure.subplots())
+        plot_growth(self.estimate, None if np.isnan(true).any() else true, figure.subplots())
         return figure, (
             f"How well the estimate from the first trials alone knows the {self.found.sought.noun}s: the largest "
             "standard deviation and, where the truth is known, the largest error."
