@@ -150,11 +150,10 @@ class ArmCourse:
 Course = ChainCourse | ArmCourse
 
 
-def course_of(plant: Any, problem: Any, identified: Any, pushes: int, seed: int) -> Course:
-    """The course of a `plant`.
+def course_of(problem: Any, identified: Any, pushes: int, seed: int) -> Course:
+    """The course of the plant of a study.
 
     Args:
-        plant: that is moved.
         problem: of the study.
         identified: the law that is tried.
         pushes: how many.
@@ -163,7 +162,7 @@ def course_of(plant: Any, problem: Any, identified: Any, pushes: int, seed: int)
     Raises:
         StudyError: the plant is a rig.
     """
-    nominal = problem.nominal
+    plant, nominal = problem.open_plant(), problem.nominal
     if isinstance(plant, MujocoPlant):
         return ChainCourse(plant, nominal, identified.inertia is None, pushes, seed)
     if isinstance(plant, ArmPlant):

@@ -113,15 +113,8 @@ class Validation:
 
 
 def validate(snapshot: Snapshot, pushes: int = PUSHES, seed: int = 0) -> Validation:
-    """`validate_law` of what a study found.
-
-    Args:
-        snapshot: of the study.
-        pushes: how many pushes, which the search never used.
-        seed: of these pushes.
-
-    Raises:
-        StudyError: nothing was found, or as `validate_law` does.
+    """`validate_law` of what a study found, on so many new `pushes` of a `seed`.  Raises StudyError where nothing was
+    found, and as `validate_law` does.
     """
     verdict, found = snapshot.verdict, snapshot.verdict.lumps
     if not (verdict.has_result or (found["determined"] & found["identified"].notna()).any()):
@@ -143,16 +136,16 @@ def validate_law(problem: Problem, identified: Any, pushes: int = PUSHES, seed: 
     """
     if not 1 <= pushes <= MOST_PUSHES or seed < 0:
         raise StudyError(f"pushes is {pushes} and seed is {seed} (allowed: 1 to {MOST_PUSHES} pushes, a seed from 0)")
-    plant, true = problem.open_plant(), problem.robot.true_law()
+    true = problem.robot.true_law()
     laws = {
         "nominal": problem.robot.differ_from.law,
         "identified": identified,
         **({} if true is None else {"true": true}),
     }
-    course = course_of(plant, problem, identified, pushes, fresh_seed(problem.spec.study.seed, seed))
+    course = course_of(problem, identified, pushes, fresh_seed(problem.spec.study.seed, seed))
     models = tuple(Validated(name, course.coasting(law), *course.tracking(law)) for name, law in laws.items())
-    horizon = course.steps * plant.timestep
-    return Validation(plant.name, seed, course.pushes, plant.timestep, horizon, models, **course.about)
+    name, timestep = course.plant.name, course.plant.timestep
+    return Validation(name, seed, course.pushes, timestep, course.steps * timestep, models, **course.about)
 
 
 def fresh_seed(study_seed: int, seed: int) -> int:
