@@ -18,7 +18,7 @@ from metaid.episode.measures import (
     whole_periods,
 )
 from metaid.episode.outcome import FALL_VALUE, Outcome, failure
-from metaid.episode.plausible import Calibration, KnownStarts
+from metaid.episode.plausible import Calibration, KnownStarts, elsewhere
 from metaid.episode.pushes import REACH, natural_time, pushed_speeds, pushes_for, rich_pushes, rich_speeds, tip_push
 from metaid.episode.readings import SensorReadings, readings_before_fall
 from metaid.episode.record import GoesOn, Record, States, energies, same_record

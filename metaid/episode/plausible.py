@@ -298,18 +298,32 @@ class StartCheck:
 
     def begin(self, angles: Array, speeds: Array) -> None:
         """Takes in the reading right after the push (njoint each).  Raises ImplausiblePlant."""
-        allowed = (AWAY, max(AWAY, OTHER_SPEED * float(np.abs(self.begun[1]).max())))
-        for what, unit, seen, known, most in zip(
-            ("is at", "turns at"), ("rad", "rad/s"), (angles, speeds), self.begun, allowed, strict=True
-        ):
-            for joint in np.flatnonzero(~(np.abs(seen - known) <= most))[:1]:
-                raise ImplausiblePlant(
-                    f"plant {self.plant}: push {self.push + 1}: joint {joint + 1} {what} {seen[joint]:.4g} {unit} at "
-                    f"its start (allowed: {known[joint]:.4g} ± {most:.2g} {unit}, as when the study was created)"
-                )
+        if (found := elsewhere(np.stack([angles, speeds]), self.begun, AWAY, OTHER_SPEED)) is not None:
+            raise ImplausiblePlant(
+                f"plant {self.plant}: push {self.push + 1}: {found[0]} at its start (allowed: {found[1]}, as when the "
+                "study was created)"
+            )
 
     def step(self, angles: Array, speeds: Array, torque: Array) -> None:
         """Nothing is known of the rest."""
 
     def finish(self) -> None:
         """Nothing is kept of it."""
+
+
+def elsewhere(seen: Array, known: Array, away: float, share: float) -> tuple[str, str] | None:
+    """Which joint of an arm a push does not begin with as it should, and what is allowed, in words; None where there is
+    none.
+
+    Args:
+        seen: joint coordinates and speeds with which it begins (2 x njoint).
+        known: those with which it should.
+        away: how far off they may be, in rad or m, and in rad/s or m/s.
+        share: of the fastest joint: how far off speeds may be where that is more.
+    """
+    fastest = max(away, share * float(np.abs(known[1]).max()))
+    for kind, (verb, unit, most) in enumerate([("is at", "rad", away), ("turns at", "rad/s", fastest)]):
+        for joint in np.flatnonzero(~(np.abs(seen[kind] - known[kind]) <= most))[:1]:
+            allowed = f"{known[kind, joint]:.4g} ± {most:.2g} {unit}"
+            return f"joint {joint + 1} {verb} {seen[kind, joint]:.4g} {unit}", allowed
+    return None

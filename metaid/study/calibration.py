@@ -5,12 +5,11 @@ by how much the same push differs from one time to the next.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
 
-from metaid.episode import Calibration, natural_time
+from metaid.episode import Calibration, elsewhere, natural_time
 from metaid.errors import PlantError
 from metaid.models import Array, Chain, ChainModel
 from metaid.models.tree import Tree, joint_torque
@@ -86,7 +85,7 @@ def calibrate_arm(plant: SocketPlant, nominal: Tree, starts: Sequence[ArmStart])
     still = np.zeros(plant.njoint)
     at_rest = ArmStart(starts[0].pose, still)
     noise = _noise(_held(plant, at_rest, FEWEST_READINGS, lambda pose, _: joint_torque(nominal, pose, still, still)))
-    seen = _begun(plant, starts, partial(_refuse_elsewhere, f"plant {plant.name}: push"))
+    seen = _begun(plant, starts, _refuse_elsewhere)
     variance = ((seen - seen.mean(axis=0)) ** 2).sum(axis=0).mean(axis=0) / (REPEATS - 1) - noise**2
     least = np.stack([np.maximum(noise[0], np.sqrt(REPEATS) * QUIETEST_RIG), noise[1]])
     spread = np.sqrt((1.0 + 1.0 / REPEATS) * np.maximum(variance, 0.0) + least**2 / REPEATS)
@@ -149,41 +148,26 @@ def _held(plant: SocketPlant, start: Start | ArmStart, count: int, torque: Calla
 
 
 def _begun(
-    plant: SocketPlant, starts: Sequence[Any], check: Callable[[int, Any, Array, Array], None] | None = None
+    plant: SocketPlant, starts: Sequence[Any], check: Callable[[str, Any, Array], None] = lambda what, start, seen: None
 ) -> Array:
     """Joint coordinates and speeds (REPEATS x npush x 2 x njoint) right after each of the pushes that begin from these
-    `starts`; the number of a push, where it was to begin, and these go through a `check`.
+    `starts`; which push it is, where it was to begin, and these (2 x njoint) go through a `check`.
     """
     seen = []
     for start in [*starts] * REPEATS:
         try:
             plant.push(start)
-            seen.append(plant.states())
+            seen.append(np.stack(plant.states()))
         finally:
             plant.stop()
-        if check is not None:
-            check((len(seen) - 1) % len(starts) + 1, start, *seen[-1])
+        check(f"plant {plant.name}: push {(len(seen) - 1) % len(starts) + 1}", start, seen[-1])
     return np.array(seen).reshape(REPEATS, len(starts), 2, plant.njoint)
 
 
-def _refuse_elsewhere(what: str, number: int, start: ArmStart, pose: Array, speeds: Array) -> None:
-    """Raises PlantError where a push of an arm began elsewhere than it was asked to.
-
-    Args:
-        what: is pushed.
-        number: of the push.
-        start: that was asked for.
-        pose: joint coordinates (njoint) with which it began.
-        speeds: joint speeds (njoint).
-    """
-    fastest = max(AWAY, AWAY * float(np.abs(start.speeds).max()))
-    asked = ("is at", "rad", pose, start.pose, AWAY), ("turns at", "rad/s", speeds, start.speeds, fastest)
-    for verb, unit, seen, wanted, most in asked:
-        for joint in np.flatnonzero(~(np.abs(seen - wanted) <= most))[:1]:
-            raise PlantError(
-                f"{what} {number} was to begin elsewhere: joint {joint + 1} {verb} {seen[joint]:.4g} {unit} "
-                f"(allowed: {wanted[joint]:.4g} ± {most:.2g} {unit})"
-            )
+def _refuse_elsewhere(what: str, start: ArmStart, seen: Array) -> None:
+    """Raises PlantError where `what` was pushed began elsewhere than at a `start`: as it was `seen` (2 x njoint)."""
+    if (found := elsewhere(seen, np.stack([start.pose, start.speeds]), AWAY, AWAY)) is not None:
+        raise PlantError(f"{what} was to begin elsewhere: {found[0]} (allowed: {found[1]})")
 
 
 def _per_share(impulses: Array, start_speeds: Array) -> Array:
