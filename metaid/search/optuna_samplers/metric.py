@@ -18,7 +18,6 @@ import threading
 import warnings
 from collections.abc import Container, Sequence
 from copy import copy
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -38,18 +37,6 @@ TRIES = 20  # of a candidate beyond the bounds, before it is moved to the neares
 SMALLEST = 1e-12  # half-width of a cube: a value of zero has no distance
 STARTUP = 5  # trials in the cube, before which TPE draws uniformly
 FINISHED = TrialState.COMPLETE, TrialState.PRUNED
-
-
-@dataclass(frozen=True)
-class Box:
-    """What a sampler looks through: z = `centre` + `half` u, with u from −1 to 1; all (nlump)."""
-
-    centre: Array
-    half: Array
-
-    def u(self, z: Array) -> Array:
-        """The u (... x nlump) of `z` (... x nlump)."""
-        return np.asarray((z - self.centre) / self.half)
 
 
 class _Shown(optuna.Study):
@@ -114,8 +101,8 @@ class MetricSampler(BaseSampler):
             return np.zeros(len(self._names))
         finished = [each for each in trials if each.state in FINISHED and _value(each) is not None]
         table = np.array([self._z(study, each) for each in finished]).reshape(-1, len(self._names))
-        box = self._box(finished, table)
-        positions = box.u(table)
+        centre, half = self._box(finished, table)
+        positions = (table - centre) / half
         near = np.full(len(finished), True) if self._stays else np.abs(positions).max(axis=1, initial=0.0) <= 1.0
         shown = self._study(study)
         shown.shown = [self._as_shown(each, u) for each, u, kept in zip(finished, positions, near, strict=True) if kept]
@@ -125,26 +112,26 @@ class MetricSampler(BaseSampler):
         for _ in range(self._tries):
             proposed = {} if is_uniform else self._sampler.sample_relative(shown, trial, self._space)
             u = np.array([proposed[key] for key in self._keys]) if proposed else self._uniform(shown, trial)
-            z: Array = box.centre + box.half * u
+            z: Array = centre + half * u
             if self._coordinates.inside(z):
                 break
         return z
 
-    def _box(self, finished: Sequence[FrozenTrial], table: Array) -> Box:
-        """What the sampler looks through, once these trials are `finished`, which are at the z (ntrial x nlump) of a
-        `table`.
+    def _box(self, finished: Sequence[FrozenTrial], table: Array) -> tuple[Array, Array]:
+        """Centre and half-widths (nlump each), in z, of what the sampler looks through, its u being from −1 to 1, once
+        these trials are `finished`, which are at the z (ntrial x nlump) of a `table`.
         """
         survivors = [i for i, each in enumerate(finished) if each.state == TrialState.COMPLETE]
         if self._coordinates.curvature is None or not survivors:
             low, high = self._coordinates.box()
             if self._stays:
-                return Box(np.zeros(len(low)), np.maximum(high, -low))
-            return Box(0.5 * (low + high), 0.5 * (high - low))
+                return np.zeros(len(low)), np.maximum(high, -low)
+            return 0.5 * (low + high), 0.5 * (high - low)
         values = np.array([finished[i].value for i in survivors])
         about = 0 if self._stays else int(values.argmin())
         reach = STILL_REACH if self._stays else REACH / np.sqrt(len(self._names))
         half = max(reach * self.distance(float(values[about])), SMALLEST)
-        return Box(table[survivors[about]], np.full(len(self._names), half))
+        return table[survivors[about]], np.full(len(self._names), half)
 
     def distance(self, value: float) -> float:
         """How far a trial with this `value` of the measure is from the truth, in z; NaN where κ is not known."""
