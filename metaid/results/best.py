@@ -1,4 +1,4 @@
-"""Which trial a study's result is taken from, and which trials are as good as that one.
+"""Which trial a study's result is taken from, which trials are as good as that one, and what the measure tells of it.
 
 Everything that shows a result asks here: `study show`, its JSON, frames, figures, the report, the dashboard's note,
 `validate` and films. So they cannot disagree where several trials have the same least value.
@@ -14,9 +14,11 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from metaid.models import COARSEST, Array
-from metaid.results.by_measure import resolution_at
+from metaid.search import at_bounds, bounds_in_force, widened
 from metaid.store import Trial
-from metaid.study import Known, Parameters, Problem
+from metaid.study import Known, Parameters, Problem, identifiability_by_measure
+
+NOMINAL_SENSITIVITY = 1.5  # by how much ranges by the nominal model's sensitivity are widened: it is not the plant's
 
 
 def best_index(values: Array) -> int:
@@ -93,3 +95,44 @@ def _is_shown(wanted: Parameters, resolution: Array) -> NDArray[np.bool_]:
     """Which of what is `wanted` (n) the measure tells to a tenth, by the `resolution` of a candidate's numbers (n)."""
     shown: NDArray[np.bool_] = resolution <= COARSEST * wanted.sizes(wanted.nominal) / wanted.scale
     return shown
+
+
+def resolution_at(problem: Problem, best: Array) -> tuple[Array, float]:
+    """How well the measure can tell each number of a candidate (n) from the `best` one (n) where that is as good as the
+    measure's resolution, inf where it does not show it; and by how much ranges are to be wider than that. Lumps by the
+    nominal model (Eq. 17), base parameters by the mass matrix of the best arm (Eq. 64).
+    """
+    if not problem.spec.is_arm:
+        resolution = identifiability_by_measure(problem).resolution
+        return np.where(problem.chain.seen, resolution, np.inf), NOMINAL_SENSITIVITY
+    root = problem.arm.prior.root
+    shown, axes = np.linalg.eigh(root.T @ problem.arm.sensitivity(best) @ root)
+    shown = np.maximum(shown, np.finfo(float).eps * shown[-1])
+    return 2.0 * np.pi * problem.resolution * np.sqrt((((root @ axes) ** 2) / shown).sum(axis=1)), 1.0
+
+
+def bounds_reached(problem: Problem, best: Array, tried: Array) -> list[str]:
+    """Which lumps of the `best` candidate (n) are at a bound, or beyond it, and what to set, a sentence each; none of
+    an arm, whose bounds are too far away.
+
+    A lump may be there by right. But where the value of the best trial is also far above the measure's resolution, the
+    search was held back. Lumps that the measure cannot see are left out. The factors (ntrial x n) that were `tried` say
+    whether a bound has been widened.
+    """
+    if problem.spec.is_arm:
+        return []
+    low, high = bounds_in_force(problem.low, problem.high, tried)
+    seen = problem.is_matching | problem.robot.seen
+    at_low, at_high = (at & seen for at in at_bounds(best, low, high))
+    lower, higher = widened(low, high, at_low, at_high)
+    said = []
+    for lump in np.flatnonzero(at_low | at_high).tolist():
+        side, bound, wider = ("low", low, lower) if at_low[lump] else ("high", high, higher)
+        has_table = isinstance(getattr(problem.spec.study.search, side), dict)
+        name = problem.names[lump]
+        key = f"search.{side}.{name}" if has_table else f"search.{side}"  # one number is that of all lumps
+        said.append(
+            f"{name} is at its bound: its factor is {best[lump]:.3g}, and search.{side} is {bound[lump]:g} "
+            f"(try --set {key}={wider[lump]:g})"
+        )
+    return said

@@ -15,7 +15,7 @@ import pandas as pd
 
 from metaid.errors import StudyError, first_of
 from metaid.models import COARSEST, Array
-from metaid.results.by_measure import bounds_reached
+from metaid.results.best import bounds_reached
 from metaid.results.lump_tables import best_table, estimate_table, fault_table
 from metaid.results.stored import StoredStudy
 from metaid.store import Trial

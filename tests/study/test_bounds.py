@@ -11,7 +11,7 @@ from chain_studies import chain_study, random_chain
 from conftest import best_error
 
 from metaid import results
-from metaid.results.by_measure import bounds_reached
+from metaid.results.best import bounds_reached
 from metaid.search import at_bounds, bounds_in_force, widened
 from metaid.store import Store
 from metaid.study import Problem, create_study, load_study, run_study
