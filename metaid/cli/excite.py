@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 import metaid
-from metaid.cli.common import json_option, numbers, print_json, print_table, refuse_output, say, whole_file
+from metaid.cli.common import PATH, json_option, numbers, print_json, print_table, refuse_output, say, whole_file
 from metaid.errors import joints_of, unknown
 from metaid.frames import number_text
 
@@ -21,13 +21,11 @@ FEW = 12  # parameters that a screen has
 @click.command(epilog="\b\nExample:\n  metaid excite double-pendulum --seconds 20 -o motion.csv -o motion.yaml")
 @click.argument("nominal", metavar="ROBOT")
 @click.option("--seconds", type=float, default=30.0, show_default=True, help="Of the motion, 4 to 600.")
-@click.option("--limits", type=click.Path(path_type=Path), metavar="FILE.toml", help="low, high, speed, torque, …")
+@click.option("--limits", type=PATH, metavar="FILE.toml", help="low, high, speed, torque, …")
 @click.option("--noise", metavar="KEY=NUMBER", multiple=True, help="Of the log: angle in rad, torque as a share.")
 @click.option("--rate", type=click.FloatRange(1.0, 2000.0), default=250.0, show_default=True, help="Rows a second.")
 @click.option("--seed", type=click.IntRange(0), default=1, show_default=True, help="Of the search.")
-@click.option(
-    "-o", "outputs", type=click.Path(path_type=Path), multiple=True, help="FILE.csv, or .yaml (ROS 2 JointTrajectory)."
-)
+@click.option("-o", "outputs", type=PATH, multiple=True, help="FILE.csv, or .yaml (ROS 2 JointTrajectory).")
 @click.option("--all", "whole", is_flag=True, help="Print every parameter.")
 @json_option
 def excite(

@@ -8,12 +8,10 @@ from typing import Any
 
 import click
 
-from metaid.cli.common import FIGURE_SUFFIXES, Group, json_option, print_json, print_table, say, whole_file
+from metaid.cli.common import FIGURE_SUFFIXES, PATH, Group, json_option, print_json, print_table, say, whole_file
 from metaid.frames import number_text
 
-output_option = click.option(
-    "-o", "output", type=click.Path(path_type=Path), help="Write a picture (.png, .pdf, .svg)."
-)  # fmt: skip
+output_option = click.option("-o", "output", type=PATH, help="Write a picture (.png, .pdf, .svg).")
 
 
 @click.group(cls=Group, epilog="\b\nExample:\n  metaid paper table1")

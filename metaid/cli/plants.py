@@ -1,4 +1,4 @@
-"""`metaid plant …` and `metaid episode`."""
+"""`metaid plant …`."""
 
 from __future__ import annotations
 

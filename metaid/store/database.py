@@ -53,6 +53,7 @@ WriteCheck = Callable[[sa.Connection, int], object]
 SPOILED = ValueError, TypeError, LookupError, ArithmeticError  # what reading a row of another type or form raises
 
 _ATTRIBUTES = {True: STUDY_ATTRIBUTES, False: STUDY_SYSTEM_ATTRIBUTES}  # by who sees them
+_NAMES = sa.select(STUDIES.c.study_name).order_by(STUDIES.c.study_id)
 _STUDY = sa.select(STUDIES.c.study_id).where(STUDIES.c.study_name == sa.bindparam("study"))
 _OWN_STUDY = _STUDY.join(STUDY_ATTRIBUTES).where(STUDY_ATTRIBUTES.c.key == SPEC_KEY)
 
@@ -143,22 +144,16 @@ class Store:
 
     def names(self) -> list[str]:
         """Names of the studies that metaid made, oldest first."""
-        query = (
-            sa.select(STUDIES.c.study_name)
-            .join(STUDY_ATTRIBUTES)
-            .where(STUDY_ATTRIBUTES.c.key == SPEC_KEY)
-            .order_by(STUDIES.c.study_id)
-        )
-        with self._errors(), self._engine.connect() as connection:
-            return list(connection.scalars(query))
+        return self._names(_NAMES.join(STUDY_ATTRIBUTES).where(STUDY_ATTRIBUTES.c.key == SPEC_KEY))
 
     def other_names(self) -> list[str]:
         """Names of the Optuna studies that metaid did not make, oldest first, but for thinned companions of its own."""
         own = set(self.names())
-        query = sa.select(STUDIES.c.study_name).order_by(STUDIES.c.study_id)
+        return [name for name in self._names(_NAMES) if not own & {name, name.removesuffix(COMPANION)}]
+
+    def _names(self, query: sa.Select[Any]) -> list[str]:
         with self._errors(), self._engine.connect() as connection:
-            names = list(connection.scalars(query))
-        return [name for name in names if name not in own and name.removesuffix(COMPANION) not in own]
+            return list(connection.scalars(query))
 
     def create(self, name: str, spec: str, joint_count: int) -> None:
         """A study of that `name` without trials, made from `spec` (JSON), whose plant has `joint_count` joints, in one

@@ -7,6 +7,7 @@ from __future__ import annotations
 import json
 import math
 import threading
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -99,11 +100,8 @@ class OptunaObjective:
                 trial.report(self._objective().value(record), steps)
             return not trial.should_prune()
 
-        if self._problem.spec.is_simulated:
+        with nullcontext() if self.spec.is_simulated else self._lock:  # there is one rig
             outcome = self._objective().evaluate(factors, trial.number, goes_on)
-        else:
-            with self._lock:  # there is one rig
-                outcome = self._objective().evaluate(factors, trial.number, goes_on)
         if study is not None and not self._keeps_motion(study):
             outcome = replace(outcome, windows=None, readings=None)
         attributes = {EXPERIMENT: json.dumps(self.spec.experiment), **outcome_attributes(outcome)}
