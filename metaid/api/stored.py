@@ -34,14 +34,9 @@ if TYPE_CHECKING:
     import optuna
 
 
-def default_storage() -> str:
-    """METAID_STORAGE, or metaid.db in the folder where the user is."""
-    return os.environ.get("METAID_STORAGE") or DEFAULT_STORAGE
-
-
 def _opened(storage: str | None, create: bool = False) -> closing[Store]:
-    """The DB, closed afterwards."""
-    return closing(Store(storage or default_storage(), create))
+    """The DB, that of METAID_STORAGE or metaid.db here where none is named, closed afterwards."""
+    return closing(Store(storage or os.environ.get("METAID_STORAGE") or DEFAULT_STORAGE, create))
 
 
 def run(
@@ -133,7 +128,7 @@ def _spec(study: str | Path | StudySpec, storage: str | None) -> StudySpec:
     """The settings of a study: of that name in the DB where there is a `storage`, else shipped, of a file, or given."""
     if storage is None or not isinstance(study, str | Path):
         return spec_of(study)
-    with closing(Store(storage)) as store:
+    with _opened(storage) as store:
         return stored_spec(store, str(study))
 
 

@@ -11,7 +11,7 @@ import pandas as pd
 import metaid
 from metaid.errors import StudyError
 from metaid.exporting import Dynamics, IdentifiedModel, arm_dynamics, chain_dynamics
-from metaid.models import IDEAL, Array, Lumps, kind_of
+from metaid.models import IDEAL, Array, Chain, Lumps, kind_of
 from metaid.plant import fault_unit
 from metaid.results.snapshot import Snapshot, read_snapshot
 from metaid.store import Store
@@ -85,7 +85,7 @@ def _dynamics(problem: Problem, values: dict[str, float], known: list[str], besi
         found = arm_dynamics(problem.arm.prior, np.array([values[name] for name in problem.names]))
         return _noting(found, beside, ())
     nominal = problem.nominal
-    lumps = _lumps_of(values, nominal.lumps_of(IDEAL))
+    lumps = _lumps_of(values, nominal)
 
     def of_joints(kind: str) -> Array:
         return np.array([beside.get(f"{kind}_{joint + 1}", 0.0) for joint in range(lumps.nlink)])
@@ -103,14 +103,13 @@ def _noting(found: Dynamics, beside: dict[str, float], held: tuple[str, ...]) ->
     return replace(found, besides=f"found beside it, and not in it: {', '.join(left)}") if left else found
 
 
-def _lumps_of(values: dict[str, float], nominal: Lumps) -> Lumps:
+def _lumps_of(values: dict[str, float], nominal: Chain) -> Lumps:
     """Lumps with these `values` by name. Gravity and Coriolis lumps that have none are the nominal ones; inertia lumps
     and friction that have none are left out.
     """
-    kinds = dict.fromkeys((*IDEAL, *map(kind_of, values)))
-    searched = tuple(kind for kind in (*IDEAL, "inertia") if kind in kinds)
-    parts = {kind: nominal.gravity for kind in kinds if kind not in IDEAL}
-    shaped = Lumps(nominal.gravity, nominal.coriolis, **parts, searched=tuple(kinds))
-    vector = [values.get(name, usual) for name, usual in zip(shaped.names, shaped.vector.tolist(), strict=True)]
-    filled = shaped.with_parameters(np.array(vector))
-    return Lumps(**{kind: getattr(filled, kind) for kind in kinds}, searched=searched)
+    kinds = tuple(dict.fromkeys((*IDEAL, *map(kind_of, values))))
+    usual = nominal.lumps_of(kinds)
+    vector = [values.get(name, value) for name, value in zip(usual.names, usual.vector.tolist(), strict=True)]
+    found = usual.with_parameters(np.array(vector))
+    has_inertia = "inertia" in kinds
+    return replace(found, searched=(*IDEAL, "inertia")) if has_inertia else replace(found, searched=IDEAL, inertia=None)
