@@ -11,7 +11,7 @@ import pandas as pd
 import metaid
 from metaid.errors import StudyError
 from metaid.exporting import Dynamics, IdentifiedModel, arm_dynamics, chain_dynamics
-from metaid.models import IDEAL, Array, Chain, Lumps, kind_of
+from metaid.models import IDEAL, Array, kind_of
 from metaid.plant import fault_unit
 from metaid.results.snapshot import Snapshot, read_snapshot
 from metaid.store import Store
@@ -84,16 +84,16 @@ def _dynamics(problem: Problem, values: dict[str, float], known: list[str], besi
     if problem.spec.is_arm:
         found = arm_dynamics(problem.arm.prior, np.array([values[name] for name in problem.names]))
         return _noting(found, beside, ())
-    nominal = problem.nominal
-    lumps = _lumps_of(values, nominal)
+    law = problem.chain.law_at(values)
 
     def of_joints(kind: str) -> Array:
-        return np.array([beside.get(f"{kind}_{joint + 1}", 0.0) for joint in range(lumps.nlink)])
+        return np.array([beside.get(f"{kind}_{joint + 1}", 0.0) for joint in range(law.nlink)])
 
-    damping, coulomb = (lumps.of(kind) + of_joints(fault) for kind, fault in OF_FRICTION.items())
+    damping, coulomb = (law.of(kind) + of_joints(fault) for kind, fault in OF_FRICTION.items())
+    searched = IDEAL if law.inertia is None else (*IDEAL, "inertia")
+    lumps = replace(law, damping=damping, coulomb=coulomb, searched=searched)
     is_known = np.isin(lumps.names, known)
-    lumps = replace(lumps, damping=damping, coulomb=coulomb)
-    found = chain_dynamics(lumps, problem.spec.gravity, nominal, is_known, of_joints("rotor"))
+    found = chain_dynamics(lumps, problem.spec.gravity, problem.nominal, is_known, of_joints("rotor"))
     return _noting(found, beside, ("rotor", *OF_FRICTION.values()))
 
 
@@ -101,15 +101,3 @@ def _noting(found: Dynamics, beside: dict[str, float], held: tuple[str, ...]) ->
     """The same with a note on what was found `beside` it and is not of a kind that it has `held`."""
     left = [f"{name} {value:.3g} {fault_unit(name)}" for name, value in beside.items() if kind_of(name) not in held]
     return replace(found, besides=f"found beside it, and not in it: {', '.join(left)}") if left else found
-
-
-def _lumps_of(values: dict[str, float], nominal: Chain) -> Lumps:
-    """Lumps with these `values` by name. Gravity and Coriolis lumps that have none are the nominal ones; inertia lumps
-    and friction that have none are left out.
-    """
-    kinds = tuple(dict.fromkeys((*IDEAL, *map(kind_of, values))))
-    usual = nominal.lumps_of(kinds)
-    vector = [values.get(name, value) for name, value in zip(usual.names, usual.vector.tolist(), strict=True)]
-    found = usual.with_parameters(np.array(vector))
-    has_inertia = "inertia" in kinds
-    return replace(found, searched=(*IDEAL, "inertia")) if has_inertia else replace(found, searched=IDEAL, inertia=None)

@@ -234,10 +234,16 @@ class StudiedChain:
         return np.zeros(self.nominal.nlink, dtype=np.bool_)
 
     def law_at(self, values: Mapping[str, float]) -> Lumps:
-        """The law with these `values` of lumps, by name: of all that are sought, and of inertia where it has these."""
-        law = self.lumps.with_parameters(np.array([values[name] for name in self.names]))
-        inertia = [value for name, value in values.items() if kind_of(name) == "inertia"]
-        return replace(law, inertia=np.array(inertia) if inertia else None)
+        """The law with these `values` of lumps, by name. Gravity and Coriolis lumps that have none are as nominal,
+        inertia lumps and friction that have none are left out.
+        """
+        kinds = tuple(dict.fromkeys((*IDEAL, *map(kind_of, values))))
+        usual = self.nominal.lumps_of(kinds)
+        vector = [values.get(name, value) for name, value in zip(usual.names, usual.vector.tolist(), strict=True)]
+        law = usual.with_parameters(np.array(vector))
+        if "inertia" not in kinds:
+            law = replace(law, inertia=None)
+        return replace(law, searched=tuple(kind for kind in kinds if kind != "inertia"))
 
     def true_values(self, wanted: Parameters) -> Array:
         """The true values (n) of what is `wanted`; NaN where they are not known. Only results ask for them."""

@@ -16,6 +16,7 @@ from pandas.testing import assert_frame_equal
 import metaid as package
 from metaid.errors import StudyError
 from metaid.estimation import TakenUp
+from metaid.models import ChainModel
 from metaid.results import read_snapshot, validate_law
 from metaid.store import Store
 from metaid.study import Problem, create_study, load_study, run_study
@@ -40,6 +41,18 @@ def test_every_study_stands_by_the_estimate_that_explains_what_was_seen(estimate
         assert shown["max_error"] < 1e-9
         assert [lump["name"] for lump in shown["lumps"]][-3:] == INERTIA
         assert all(lump["sd"] > 0.0 for lump in shown["lumps"])
+
+
+def test_lumps_that_an_estimate_is_not_of_are_the_nominal_ones(tmp_path: Path) -> None:
+    """The law that is identified has them, where it is shown and where it is written."""
+    changes = {"nominal": "three-link", "estimate.lumps": ["gravity", "inertia"]}
+    storage = str(tmp_path / "metaid.db")
+    found = package.run(load_study("three-link-oscillation", changes), storage=storage)
+    assert found["determined"].all()
+    assert package.summary("three-link-oscillation", storage)["verdict"] == "found"
+    model, chain = package.model("three-link-oscillation", storage), package.load_plant("three-link").chain
+    angles, speeds = np.array([0.1, -0.2, 0.3]), np.array([1.0, -2.0, 0.5])
+    assert model.torque(angles, speeds) == pytest.approx(ChainModel(chain.lumps, 9.81).torque(angles, speeds))
 
 
 @pytest.mark.parametrize("wanted", range(1, 14))
