@@ -25,8 +25,7 @@ def candidates(snapshot: Snapshot) -> dict[str, Any]:
     if snapshot.verdict.shown["identified"].notna().any():
         laws["identified"] = identified_law(snapshot)
     elif best is not None:
-        values = problem.robot.sought.scale * best.factors
-        laws["best trial"] = problem.robot.law_at(dict(zip(problem.names, values.tolist(), strict=True)))
+        laws["best trial"] = problem.robot.differ_from.law_of(best.factors)
     return laws if true is None else {**laws, "true": true}
 
 

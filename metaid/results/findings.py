@@ -155,9 +155,9 @@ class Findings:
         """How wrong each of some `trials` is (ntrial), by what it is that is wrong: the largest error of a lump, or
         parts of the dynamics on states that no trial has seen; nothing where that is not known.
         """
-        candidates = self.sought.scale * trials[self.names].to_numpy(dtype=np.float64)
-        laws = (self.problem.robot.law_at(dict(zip(self.names, each, strict=True))) for each in candidates.tolist())
-        found = [error for law in laws if (error := self.problem.robot.model_error(law)) is not None]
+        robot = self.problem.robot
+        laws = map(robot.differ_from.law_of, trials[self.names].to_numpy(dtype=np.float64))
+        found = [error for law in laws if (error := robot.model_error(law)) is not None]
         if found:
             return {name: np.array([getattr(error, key) for error in found]) for key, name in MODEL_ERRORS.items()}
         if self.true_factors is None or np.isnan(errors := self.errors(trials)).all():

@@ -9,10 +9,10 @@ from typing import Any
 
 import optuna
 import pandas as pd
-from optuna.distributions import BaseDistribution, FloatDistribution
 from optuna.trial import TrialState, create_trial
 
 from metaid.results import Findings, best_and_even
+from metaid.search import candidate_space
 from metaid.store import COMPANION, Store
 
 MOST_TRIALS_SHOWN = 10_000  # trials that a browser shows without hanging
@@ -37,11 +37,7 @@ def thinned(trials: pd.DataFrame) -> pd.DataFrame:
 def write_companion(store: Store, found: Findings) -> optuna.Study:
     """Makes or renews the companion; each of its trials says in `trial` which one of the study it is."""
     delete_companion(store, found.name)
-    names = found.names
-    space: dict[str, BaseDistribution] = {
-        lump: FloatDistribution(low, high)
-        for lump, low, high in zip(names, found.problem.low.tolist(), found.problem.high.tolist(), strict=True)
-    }
+    names, space = found.names, candidate_space(found.names, found.problem.low, found.problem.high)
     companion = optuna.create_study(storage=store.optuna, study_name=companion_name(found.name))
     numbers = ["generation", "steps", *(f"periods_{joint + 1}" for joint in range(found.spec.joints_with_periods))]
     companion.add_trials(

@@ -82,9 +82,7 @@ class MetricSampler(BaseSampler):
         self._lock = threading.RLock()
 
     def infer_relative_search_space(self, study: optuna.Study, trial: FrozenTrial) -> dict[str, BaseDistribution]:
-        coordinates = self._coordinates
-        bounds = zip(self._names, coordinates.low.tolist(), coordinates.high.tolist(), strict=True)
-        return {name: FloatDistribution(low, high) for name, low, high in bounds}
+        return candidate_space(self._names, self._coordinates.low, self._coordinates.high)
 
     def sample_relative(
         self, study: optuna.Study, trial: FrozenTrial, search_space: dict[str, BaseDistribution]
@@ -192,6 +190,12 @@ class MetricSampler(BaseSampler):
 
     def reseed_rng(self) -> None:
         self._sampler.reseed_rng()
+
+
+def candidate_space(names: Sequence[str], low: Array, high: Array) -> dict[str, Any]:
+    """What candidates may be, as Optuna has it: by each of the `names` a number from `low` to `high` (nlump each)."""
+    bounds = zip(names, low.tolist(), high.tolist(), strict=True)
+    return {name: FloatDistribution(least, most) for name, least, most in bounds}
 
 
 def _frozen(

@@ -6,13 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 import optuna
-from optuna.distributions import BaseDistribution, FloatDistribution
 from optuna.samplers import BaseSampler
 
 from metaid.episode import Outcome
 from metaid.models import Array
 from metaid.search.coordinates import Coordinates
-from metaid.search.optuna_samplers.metric import MetricSampler
+from metaid.search.optuna_samplers.metric import MetricSampler, candidate_space
 
 CONVERGED = 1e-6  # distance to the truth, in factors of the least determined lump
 
@@ -27,10 +26,7 @@ class OptunaSampler:
         self._coordinates = coordinates
         self._size = generation
         self._study = optuna.create_study(sampler=sampler, direction="minimize")
-        low, high = coordinates.box()
-        self._space: dict[str, BaseDistribution] = {
-            f"z_{i}": FloatDistribution(low[i], high[i]) for i in range(len(low))
-        }
+        self._space = candidate_space([f"z_{i}" for i in range(len(coordinates.origin))], *coordinates.box())
         self._proposed: list[optuna.Trial] = []
 
     @property
@@ -68,8 +64,7 @@ class MetricSearcher(OptunaSampler):
         super().__init__(coordinates, self._sampler, 1)
         self._generation = generation
         self._best = np.inf
-        bounds = zip(names, coordinates.low.tolist(), coordinates.high.tolist(), strict=True)
-        self._space = {name: FloatDistribution(low, high) for name, low, high in bounds}
+        self._space = candidate_space(names, coordinates.low, coordinates.high)
 
     @property
     def spread(self) -> float | None:

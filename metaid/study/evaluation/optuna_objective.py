@@ -19,7 +19,7 @@ from optuna.samplers import BaseSampler
 from optuna.trial import TrialState
 
 from metaid.errors import StudyError
-from metaid.search import MetricSampler, tpe_for_metric
+from metaid.search import MetricSampler, candidate_space, tpe_for_metric
 from metaid.store import EXPERIMENT, MOTION_KEYS, outcome_attributes, study_attributes
 from metaid.study.create import optuna_spec
 from metaid.study.loading import load_study, problem_of
@@ -68,9 +68,7 @@ class OptunaObjective:
     @property
     def space(self) -> dict[str, FloatDistribution]:
         """What is suggested, by name: for `study.ask(objective.space)`."""
-        problem = self._problem
-        bounds = zip(problem.names, problem.low.tolist(), problem.high.tolist(), strict=True)
-        return {name: FloatDistribution(low, high) for name, low, high in bounds}
+        return candidate_space(self._problem.names, self._problem.low, self._problem.high)
 
     @property
     def start(self) -> dict[str, float]:
