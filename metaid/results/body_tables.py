@@ -15,7 +15,6 @@ from metaid.estimation import ArmEstimate, Estimate
 from metaid.frames import json_rows
 from metaid.models import COARSEST, DEVIATIONS, Array, Chain, body_extents, known_lumps
 from metaid.models.tree import body_quantities, known_bodies
-from metaid.plant import SocketPlant
 from metaid.results.snapshot import Snapshot
 
 
@@ -45,7 +44,7 @@ def _of_chain(estimate: Estimate, covariance: Array, problem: Any) -> dict[str, 
     """The columns of the table of a chain, by its `estimate` with the `covariance` of its numbers; None where there is
     no such body.
     """
-    nominal, plant = problem.nominal, problem.open_plant()
+    nominal, truth = problem.nominal, problem.robot.truth
     is_given = problem.spec.study.estimate.lengths == "exact" or "coriolis" not in problem.robot.estimated_kinds
     length = nominal.length if is_given else None
     lumps = known_lumps(estimate.names, estimate.parameters, covariance, DEVIATIONS, length)
@@ -56,7 +55,6 @@ def _of_chain(estimate: Estimate, covariance: Array, problem: Any) -> dict[str, 
     def of(chain: Chain) -> Array:
         return np.concatenate([chain.mass, chain.com, chain.inertia, chain.length])[: len(lumps.names)]
 
-    is_told = not isinstance(plant, SocketPlant) and plant.settings.truth_known
     return {
         "name": lumps.names,
         "unit": lumps.units,
@@ -64,7 +62,7 @@ def _of_chain(estimate: Estimate, covariance: Array, problem: Any) -> dict[str, 
         "low": extents[0],
         "high": extents[1],
         "bounded": np.isfinite(extents[1]),
-        "true": of(plant.chain) if is_told else np.full(len(lumps.names), np.nan),
+        "true": np.full(len(lumps.names), np.nan) if truth is None else of(truth),
     }
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from metaid.models import DEVIATIONS
-from metaid.plant import SocketPlant, fault_names, fault_unit, true_faults
+from metaid.plant import fault_names, fault_unit, true_faults
 from metaid.results.best import known_by_best
 from metaid.results.stored import StoredStudy
 from metaid.study import Known, Parameters, Problem
@@ -72,10 +72,10 @@ def fault_table(study: StoredStudy, is_result: bool) -> pd.DataFrame:
     problem, found, kinds = study.problem, study.estimate, study.spec.study.estimate.searched_faults
     if found is not None and found.estimate.faults is not None:
         kinds = found.estimate.faults.searched.kinds
-    names, plant = fault_names(kinds, len(problem.spec.joints), problem.robot.tilts), problem.open_plant()
+    names = fault_names(kinds, len(problem.spec.joints), problem.robot.tilts)
     nothing = np.full(len(names), np.nan)
     # Here, and only here, the truth meets the result.
-    true = nothing if isinstance(plant, SocketPlant) else true_faults(plant, kinds)
+    true = true_faults(problem.robot.plant(), kinds) if problem.spec.is_simulated else nothing
     value, deviation, determined = nothing, nothing, np.zeros(len(names), dtype=np.bool_)
     if found is not None and (faults := found.estimate.faults) is not None:
         value = faults.values

@@ -245,6 +245,12 @@ class StudiedChain:
             law = replace(law, inertia=None)
         return replace(law, searched=tuple(kind for kind in kinds if kind != "inertia"))
 
+    @property
+    def truth(self) -> Chain | None:
+        """The true chain, where it is known. Only results ask for it."""
+        plant = self.spec.simulated
+        return None if plant is None or not plant.truth_known else chain_of(plant.links)
+
     def true_values(self, wanted: Parameters) -> Array:
         """The true values (n) of what is `wanted`; NaN where they are not known. Only results ask for them."""
         truth = self.true_law()
