@@ -92,7 +92,7 @@ class SensedLoop(WholeEpisodes):
         begun = ran[ran > 0].tolist()
         motions = [States(angles[push, : steps + 1], speeds[push, : steps + 1]) for push, steps in enumerate(begun)]
         with np.errstate(over="ignore", invalid="ignore"):  # where nothing falls a push may run away as far as it likes
-            record = record_of(motions, [None] * len(begun), self.plant, episode, fell, self._squares)
+            record = record_of(motions, self.plant, episode, fell, self._squares)
         return record.stopped_early(goes_on)
 
 

@@ -67,7 +67,7 @@ class Planar:
         sums = energies(speeds, seen.timestep, -episode.springs[:, None] * angles[:-1])
         at_end = steps, pushes
         shown = crossed[at_end], span, sums[0][at_end], sums[1][at_end]
-        kept = tuple(angles for angles, _ in seen.motions) if episode.keep_angles else ()
+        kept = tuple(each.angles for each in seen.motions) if episode.keep_angles else ()
         windows = windows_of(seen, episode.window_ends, (angles, speeds, *sums), crossed)
         return Record(seen.timestep, steps, seen.fell, *shown, kept, episode.noise_floor.energy, windows)
 

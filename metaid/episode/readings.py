@@ -66,32 +66,24 @@ class SensorReadings:
         return replace(self, counts=self.counts * is_kept, angles=angles, speeds=speeds, times=times)
 
 
-def told_times(times: Sequence[Array | None], readings: SensorReadings) -> SensorReadings:
-    """The `readings` with the `times`, in s, of each push that was begun (nreading), unless a push has none."""
-    if any(each is None for each in times):
-        return readings
-    kept = np.zeros(readings.angles.shape[:2])
-    for push, (each, count) in enumerate(zip(times, readings.counts, strict=False)):
-        assert each is not None
-        kept[push, :count] = each[:count]
-    return replace(readings, times=kept)
-
-
 def readings_before_fall(
-    motions: Sequence[tuple[Array, Array]], steps: int, fell: NDArray[np.bool_], has_speed_sensor: bool
+    motions: Sequence[tuple[Array, Array, Array | None]], steps: int, fell: NDArray[np.bool_], has_speed_sensor: bool
 ) -> SensorReadings:
     """The readings of an episode, without those that falls ended with.
 
     Args:
-        motions: joint angles and speeds (nstep + 1 x njoint) as they were read after each push that was begun.
+        motions: `States` as they were read after each push that was begun; times that one of them lacks are not kept.
         steps: how many steps of each push are kept.
         fell: which pushes ended in a fall (npush), those that were never begun too.
         has_speed_sensor: whether the speeds were read, and not computed from angles.
     """
     npush, njoint = len(fell), motions[0][0].shape[1]
     counts = np.zeros(npush, dtype=np.int64)
-    angles, speeds = np.zeros((2, npush, steps + 1, njoint))
-    for push, (read_angles, read_speeds) in enumerate(motions):
+    (angles, speeds), times = np.zeros((2, npush, steps + 1, njoint)), np.zeros((npush, steps + 1))
+    for push, (read_angles, read_speeds, told) in enumerate(motions):
         count = counts[push] = min(len(read_angles) - int(fell[push]), steps + 1)
         angles[push, :count], speeds[push, :count] = read_angles[:count], read_speeds[:count]
-    return SensorReadings(counts, angles, speeds if has_speed_sensor else None)
+        if told is not None:
+            times[push, :count] = told[:count]
+    tells = all(told is not None for *_, told in motions)
+    return SensorReadings(counts, angles, speeds if has_speed_sensor else None, times if tells else None)

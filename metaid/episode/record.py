@@ -17,10 +17,13 @@ ALIKE = 1e-9  # relative: how far two loops may differ that take the same steps
 
 
 class States(NamedTuple):
-    """Joint `angles` in rad and `speeds` in rad/s after a push (nsteps + 1 x njoint each), from right after it on."""
+    """Joint `angles` in rad and `speeds` in rad/s after a push (nsteps + 1 x njoint each), from right after it on; the
+    `times` since then (nsteps + 1), in s, where the plant tells them.
+    """
 
     angles: Array
     speeds: Array
+    times: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,14 +42,14 @@ class Seen:
     def steps(self) -> NDArray[np.int64]:
         """That were run after each push (npush)."""
         steps = np.zeros(len(self.fell), dtype=np.int64)
-        steps[: len(self.motions)] = [len(angles) - 1 for angles, _ in self.motions]
+        steps[: len(self.motions)] = [len(each.angles) - 1 for each in self.motions]
         return steps
 
     def padded(self, steps: int) -> Array:
         """Joint angles and speeds up to so many `steps` (2 x nsteps + 1 x npush x njoint), zeros where none are."""
-        padded = np.zeros((2, steps + 1, len(self.fell), self.motions[0][0].shape[1]))
-        for push, (angles, speeds) in enumerate(self.motions):
-            padded[:, : len(angles), push] = angles, speeds
+        padded = np.zeros((2, steps + 1, len(self.fell), self.motions[0].angles.shape[1]))
+        for push, each in enumerate(self.motions):
+            padded[:, : len(each.angles), push] = each.angles, each.speeds
         return padded
 
 

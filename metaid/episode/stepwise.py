@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from metaid.episode.episode import Episode
 from metaid.episode.plausible import PushCheck, StartCheck
-from metaid.episode.readings import readings_before_fall, told_times
+from metaid.episode.readings import readings_before_fall
 from metaid.episode.record import GoesOn, Record, Seen, States
 from metaid.errors import AbsentPlant, ImplausiblePlant, LostPlant
 from metaid.models import Array
@@ -135,7 +135,6 @@ def run_stepwise(
     if isinstance(plant, FaultyPlant):
         plant.begin(noise_of(plant, episode, number))
     motions: list[States] = []
-    times: list[Array | None] = []
     fell = np.zeros(episode.npush, dtype=np.bool_)
     torques = episode.kind.torques(law, plant, episode)
     for push in range(episode.npush):
@@ -143,20 +142,18 @@ def run_stepwise(
         if episode.calibration is not None:
             check = episode.calibration.check(plant, push, {} if earlier is None else earlier)
         angles, speeds, fell[push] = _watch_push(plant, partial(torques, push), episode, push, check)
-        motions.append(States(angles, speeds))
-        times.append(plant.times if isinstance(plant, SocketPlant) else None)
+        motions.append(States(angles, speeds, plant.times if isinstance(plant, SocketPlant) else None))
         if fell[push] and episode.kind.ends_at_fall:
             break
         if goes_on is not None and push + 1 < episode.npush and not fell.any():
-            so_far = record_of(motions, times, plant, episode, fell).first(push + 1)
+            so_far = record_of(motions, plant, episode, fell).first(push + 1)
             if not goes_on(so_far):
                 return so_far, motions[-1]
-    return record_of(motions, times, plant, episode, fell), motions[-1]
+    return record_of(motions, plant, episode, fell), motions[-1]
 
 
 def record_of(
     motions: Sequence[States],
-    times: Sequence[Array | None],
     plant: Any,
     episode: Episode,
     fell: NDArray[np.bool_],
@@ -166,7 +163,6 @@ def record_of(
 
     Args:
         motions: of each push that was begun.
-        times: of the readings of each (nsteps + 1), in s, where the plant tells them.
         plant: that moved.
         episode: what was done to it.
         fell: which of all pushes did (npush).
@@ -176,8 +172,7 @@ def record_of(
     if not episode.readings_steps:
         return record
     reads_speeds = not isinstance(plant, FaultyPlant) or plant.faults.speed_sensor
-    readings = readings_before_fall(motions, episode.readings_steps, fell, reads_speeds)
-    return replace(record, readings=told_times(times, readings))
+    return replace(record, readings=readings_before_fall(motions, episode.readings_steps, fell, reads_speeds))
 
 
 def _watch_push(

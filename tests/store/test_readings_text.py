@@ -8,7 +8,7 @@ import numpy as np
 import optuna
 import pytest
 
-from metaid.episode import SensorReadings, readings_before_fall
+from metaid.episode import SensorReadings, States, readings_before_fall
 from metaid.store import Store
 from metaid.store.motion import readings_of, readings_text
 from metaid.study import Problem, create_study, load_study, run_study
@@ -19,7 +19,7 @@ pytestmark = pytest.mark.slow
 def some_readings(ran: list[int], fell: bool, has_speed_sensor: bool) -> SensorReadings:
     """Up to five steps after three pushes of two joints, in numbers that no text shorter than their bits holds."""
     random = np.random.default_rng(1)
-    motions = [tuple(random.normal(size=(2, end + 1, 2)) * 10.0 ** random.integers(-200, 200)) for end in ran]
+    motions = [States(*random.normal(size=(2, end + 1, 2)) * 10.0 ** random.integers(-200, 200)) for end in ran]
     falls = fell & (np.arange(3) == len(ran) - 1)
     return readings_before_fall(motions, 5, falls, has_speed_sensor)
 
