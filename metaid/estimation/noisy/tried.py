@@ -60,25 +60,11 @@ class Combining:
     kept: Innovations
     left: Innovations
 
-    def fitted(
-        self,
-        kinds: tuple[str, ...],
-        before: Tried | None,
-        start: Array | None = None,
-        teeth: int = 0,
-        limits: Array | None = None,
-    ) -> Tried | None:
-        """The fit with faults of these `kinds`, from where the one `before` ended, or a `start`; None where the twin
-        cannot follow.
-
-        Args:
-            kinds: of the faults.
-            before: the fit that it begins from; None for a `start`.
-            start: the unknowns (nunknown) that it begins from; None for the nominal model.
-            teeth: how many times a turn cogging repeats, by a scan; by default as before.
-            limits: what limits of the motors are about (njoint), in N m, by a scan; by default as before.
+    def fitted(self, kinds: tuple[str, ...], before: Tried | None, start: Array | None = None) -> Tried | None:
+        """The fit with faults of these `kinds`, from where the one `before` ended, or from a `start` (nunknown), None
+        for the nominal model; None where the twin cannot follow.
         """
-        return self.fitted_with(self._bounded(kinds, before, teeth, limits), before, start)
+        return self.fitted_with(self._bounded(kinds, before), before, start)
 
     def fitted_with(self, faults: SearchedFaults, before: Tried | None, start: Array | None = None) -> Tried | None:
         """The same with these `faults`."""
@@ -106,7 +92,7 @@ class Combining:
         limits = None if led is None else limits_shown(led, nominal)
         tried = [self.fitted(kinds, None)]
         if limits is not None:
-            tried.append(self.fitted((*kinds, "limit"), None, limits=limits))
+            tried.append(self.fitted_with(self._bounded((*kinds, "limit"), None, limits=limits), None))
         return [each for each in tried if each is not None]
 
     def settled(self, tried: Tried) -> Tried:
@@ -123,7 +109,9 @@ class Combining:
     def _bounded(
         self, kinds: tuple[str, ...], before: Tried | None, teeth: int = 0, limits: Array | None = None
     ) -> SearchedFaults:
-        """Faults as `fitted` has them."""
+        """Faults of these `kinds` that cannot be found below 0: how many `teeth` cogging has, and what limits of the
+        motors are about (njoint), in N m, is by a scan; by default as in the fit `before`.
+        """
         faults = self.kept.search(tuple(kind for kind in FAULT_UNITS if kind in kinds))
         teeth = faults.teeth or teeth or (0 if before is None else before.faults.teeth)
         if limits is None:
@@ -134,7 +122,8 @@ class Combining:
         """The fit with cogging besides, if there is one."""
         kept = None if "cogging" in before.kinds else self._led(before)
         teeth = 0 if kept is None else self.kept.search(("cogging",)).teeth or teeth_shown(kept, before.found.point)
-        tried = self.fitted((*before.kinds, "cogging"), before, teeth=teeth) if teeth else None
+        faults = self._bounded((*before.kinds, "cogging"), before, teeth)
+        tried = self.fitted_with(faults, before) if teeth else None
         return [] if tried is None else [tried]
 
     def unbounded(self, tried: Tried) -> tuple[FoundFaults, Array] | None:
@@ -178,14 +167,14 @@ class Combining:
             return []
         limits = limits_shown(kept, before.found.point) if ("limit",) in candidates else None
         candidates = [kinds for kinds in candidates if kinds != ("limit",) or limits is not None]
-        left = [self._left_by(before, kept, kinds, limits) for kinds in candidates]
-        likely = [candidates[number] for number in np.argsort(left)[:LOOKED_AT] if np.isfinite(left[number])]
-        tried = (self.fitted((*before.kinds, *kinds), before, limits=limits) for kinds in likely)
-        return [each for each in tried if each is not None]
+        each = [self._bounded((*before.kinds, *kinds), before, limits=limits) for kinds in candidates]
+        left = [self._left_by(before, kept, faults) for faults in each]
+        likely = [each[number] for number in np.argsort(left)[:LOOKED_AT] if np.isfinite(left[number])]
+        tried = (self.fitted_with(faults, before) for faults in likely)
+        return [found for found in tried if found is not None]
 
-    def _left_by(self, before: Tried, kept: Innovations, kinds: tuple[str, ...], limits: Array | None) -> float:
-        """The cost that one Gauss-Newton step leaves with faults of these `kinds` besides, each unknown for one."""
-        faults = self._bounded((*before.kinds, *kinds), before, limits=limits)
+    def _left_by(self, before: Tried, kept: Innovations, faults: SearchedFaults) -> float:
+        """The cost that one Gauss-Newton step from the fit `before` leaves with `faults`, each unknown for one."""
         faulty = replace(kept, faults=faults)
         extras = before.found.extras if faulty.extras else np.empty(0)
         place = place_at(faulty, np.concatenate([begin_with(before.found, faults), extras]), faulty.stages)
