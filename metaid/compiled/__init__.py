@@ -4,7 +4,7 @@
 """
 
 from metaid.compiled.arm_push import ArmPush, push_arm
-from metaid.compiled.decorator import compiled, fused, is_compiling
+from metaid.compiled.decorator import choose, compiled, fused, is_compiling
 from metaid.compiled.fastest import agrees_with_stepwise, fastest_loop
 from metaid.compiled.faulty_loop import FaultyLoop
 from metaid.compiled.kalman import (
@@ -25,4 +25,3 @@ from metaid.compiled.products import BLOCK, LANES, factorise, multiply, solve, s
 from metaid.compiled.quiet import quiet_mujoco
 from metaid.compiled.sharing import share_out
 from metaid.compiled.stages import Step, fastest_step, step_of
-from metaid.compiled.undocumented import class_of

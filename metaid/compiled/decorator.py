@@ -20,7 +20,7 @@ import os
 import shutil
 import tempfile
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -29,14 +29,14 @@ import llvmlite
 import numba
 from numba import types
 from numba.core import event
-from numba.extending import typeof_impl
+from numba.extending import overload, typeof_impl
 
 from metaid.errors import MetaidError, usable_mujoco
 
 with usable_mujoco():
     import mujoco
 
-from metaid.compiled.undocumented import WITHOUT_REFERENCE_COUNTS
+from metaid.compiled.undocumented import WITHOUT_REFERENCE_COUNTS, class_of
 
 if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
     raise MetaidError("NUMBA_DISABLE_JIT is set, and metaid's loops are nothing without numba's compiler: unset it")
@@ -77,6 +77,25 @@ class Compiled:
 @typeof_impl.register(Compiled)
 def _type_of(function: Compiled, _: Any) -> types.Dispatcher:
     return types.Dispatcher(function.part)
+
+
+_CALLS: dict[int, Callable[[Compiled], Callable[..., Any]]] = {  # by the number of arguments
+    2: lambda function: lambda a, b: function(a, b),
+    3: lambda function: lambda a, b, c: function(a, b, c),
+    5: lambda function: lambda a, b, c, d, e: function(a, b, c, d, e),
+}
+
+
+def choose(stub: Callable[..., Any], functions: Mapping[type, Compiled]) -> None:
+    """Lets compiled functions that call the `stub` call one of these `functions` in its place: by the class of its
+    first argument, a NamedTuple, when they are compiled. It can be called again for further classes.
+    """
+    call = _CALLS[len(inspect.signature(stub).parameters)]
+
+    @overload(stub, inline="always", strict=False)
+    def _chosen(*arguments: Any) -> Any:
+        function = functions.get(class_of(arguments[0]))
+        return None if function is None else call(function)
 
 
 def callback(signature: str) -> Callable[[Callable[..., Any]], Any]:

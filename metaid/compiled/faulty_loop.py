@@ -7,14 +7,12 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba.extending import overload
 
 from metaid.compiled.batch import Laws, laws_of
-from metaid.compiled.decorator import compiled
+from metaid.compiled.decorator import choose, compiled
 from metaid.compiled.law import LINK, compensate, has_fallen, place_links, turn_to_angles
 from metaid.compiled.sensed_loop import SensedLoop, command, follow
 from metaid.compiled.stages import Step
-from metaid.compiled.undocumented import class_of
 from metaid.episode import Episode, with_deadband
 from metaid.models import Lumps
 from metaid.plant import MujocoPlant
@@ -43,20 +41,6 @@ class FaultyLoop(SensedLoop):
         return PlanarLaw(laws, rule, np.zeros(self.plant.njoint, LINK))
 
 
-@overload(command, inline="always")
-def _command_of(law, push, position, speed, torque):  # type: ignore[no-untyped-def]
-    if class_of(law) is PlanarLaw:
-        return lambda law, push, position, speed, torque: _command(law, push, position, speed, torque)
-    return None
-
-
-@overload(follow, inline="always")
-def _follow_of(law, push, step, positions, speeds):  # type: ignore[no-untyped-def]
-    if class_of(law) is PlanarLaw:
-        return lambda law, push, step, positions, speeds: _falls(law, step, positions, speeds)
-    return None
-
-
 @compiled
 def _command(law, push, position, speed, torque):  # type: ignore[no-untyped-def]
     gravity, coriolis, damping, coulomb, inertia, springs = law.laws
@@ -67,7 +51,7 @@ def _command(law, push, position, speed, torque):  # type: ignore[no-untyped-def
 
 
 @compiled
-def _falls(law, step, positions, speeds):  # type: ignore[no-untyped-def]
+def _falls(law, _push, step, positions, speeds):  # type: ignore[no-untyped-def]
     timestep, limit, margin, turn, runaway = law.rule
     pushed, link_speed = 0.0, 0.0
     for i in range(law.links.shape[0]):
@@ -81,3 +65,7 @@ def _falls(law, step, positions, speeds):  # type: ignore[no-untyped-def]
         if has_fallen(link.angle, link.speed, margin * pushed, timestep, limit, turn):
             fallen = True
     return fallen
+
+
+choose(command, {PlanarLaw: _command})
+choose(follow, {PlanarLaw: _falls})

@@ -94,7 +94,10 @@ class BaseUnknowns:
         parameters = self.prior.nominal.parameters.copy()
         variances = np.diag(self.prior.parameter_covariance).reshape(parameters.shape)
         parameters[:, ROTOR] += GEARED * np.sqrt(variances[:, ROTOR])
-        change = self.prior.base.of(parameters) - self.prior.values
+        return self._by_change(self.prior.base.of(parameters) - self.prior.values)
+
+    def _by_change(self, change: Array) -> Array:
+        """By how much the unknowns (nbase) change where base parameters do (nbase)."""
         return np.asarray(np.linalg.lstsq(self.root, change, rcond=None)[0], dtype=np.float64)
 
     def values(self, unknowns: Array) -> Array:
@@ -119,8 +122,7 @@ class BaseUnknowns:
         tree = self.prior.nominal
         if tree.slides[-1]:
             return None
-        change = self.prior.base.of(last_link_turned(tree, self.parameters(unknowns)))
-        return np.asarray(np.linalg.lstsq(self.root, change, rcond=None)[0], dtype=np.float64)
+        return self._by_change(self.prior.base.of(last_link_turned(tree, self.parameters(unknowns))))
 
     def nearest(self, unknowns: Array, covariance: Array) -> Array | None:
         """See `Unknowns`: those of possible bodies.  Eq. 69."""

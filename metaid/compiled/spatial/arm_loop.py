@@ -7,13 +7,11 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple, cast
 
 import numpy as np
-from numba.extending import overload
 
-from metaid.compiled.decorator import compiled
+from metaid.compiled.decorator import choose, compiled
 from metaid.compiled.sensed_loop import SensedLoop, command, follow
 from metaid.compiled.spatial.dynamics import Frames, Space, accelerating_torques, frames_of, kinetic_squares, new_space
 from metaid.compiled.stages import Step
-from metaid.compiled.undocumented import class_of
 from metaid.episode import Episode, Spatial
 from metaid.models import Array
 from metaid.plant import ArmPlant
@@ -99,26 +97,17 @@ class QuickSpatial(Spatial):
         return torque
 
 
-@overload(command, inline="always")
-def _command_of(law, push, position, speed, torque):  # type: ignore[no-untyped-def]
-    if class_of(law) is ArmWatch:
-        return lambda law, push, position, speed, torque: _command(law.law, push, position, speed, torque)
-    return None
-
-
-@overload(follow, inline="always")
-def _follow_of(law, push, step, positions, speeds):  # type: ignore[no-untyped-def]
-    if class_of(law) is ArmWatch:
-        return lambda law, push, step, positions, speeds: _follow(law, push, step, positions, speeds)
-    return None
-
-
 @compiled
 def _command(law, push, position, speed, torque):  # type: ignore[no-untyped-def]
     start, stiffness, pull = law.starts[push], law.springs[push], law.pull
     for i in range(pull.shape[0]):
         pull[i] = -stiffness * (position[i] - start[0, i])  # Eq. 56
     accelerating_torques(law.frames, law.parameters, position, speed, pull, law.space, torque)
+
+
+@compiled
+def _command_watched(watch, push, position, speed, torque):  # type: ignore[no-untyped-def]
+    _command(watch.law, push, position, speed, torque)
 
 
 @compiled
@@ -141,3 +130,7 @@ def _command_all(law, positions, speeds, torques):  # type: ignore[no-untyped-de
     for push in range(torques.shape[0]):
         for step in range(torques.shape[1]):
             _command(law, push, positions[push, step], speeds[push, step], torques[push, step])
+
+
+choose(command, {ArmWatch: _command_watched})
+choose(follow, {ArmWatch: _follow})

@@ -9,7 +9,7 @@ Eq. 23 says what that does, but for joints, which do not.
 from __future__ import annotations
 
 from metaid.compiled import fused, multiply
-from metaid.estimation.twin.joints import builds_up, by_presliding, joint_state, twist_by_slips
+from metaid.estimation.twin.joints import builds_up, by_presliding, joint_state, pull_levers, twist_by_slips
 from metaid.estimation.twin.kernels import turn_base
 
 
@@ -49,7 +49,7 @@ def force_beside(step, balance, beside, slips, work):  # type: ignore[no-untyped
                 changed[p] += turned * lean[p]
     if count > 0:
         turn_base(balance, beside, work)
-    _pull_levers(work)
+    pull_levers(work)
     multiply(work.levers, work.twist, work.changed, 0, work.changed.shape[1])
 
 
@@ -59,16 +59,6 @@ def _any(values):  # type: ignore[no-untyped-def]
         if each != 0.0:
             return True
     return False
-
-
-@fused
-def _pull_levers(work):  # type: ignore[no-untyped-def]
-    """Fills `levers` with the acceleration of each link by a torque of 1 N m in each joint."""
-    n = work.below.shape[0]
-    for i in range(n):
-        below = work.below[i]
-        for r in range(n):
-            work.levers[r, i] = work.solved[r, i] - (work.solved[r, below] if below >= 0 else 0.0)
 
 
 @fused

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from metaid.compiled import compiled, correct, fused, keep_gain, keep_step, weigh, widen
+from metaid.compiled import compiled, correct, keep_gain, keep_step, weigh, widen
 from metaid.estimation.twin.flow import flow
 from metaid.estimation.twin.joints import joint_state
 from metaid.estimation.twin.state import set_off
@@ -35,15 +35,14 @@ def lead(start, begin, forces, readings, balance, settings, noise, steps, work, 
         balance: of a kernel, without a law.
         settings: timestep of each step (nstep), in s; how many timesteps a step has; whether the plant moves
             continuously.
-        noise: covariance of a reading (njoint x njoint), in rad²; forces by torques (njoint x njoint); and variances of
-            the torques (1 x njoint), in (N m)².
+        noise: covariance of a reading (njoint x njoint), in rad²; variances of the torques (1 x njoint), in (N m)².
         steps: for how many the push is followed.
         work: see `workspace`.
         spread: see `Spread`.
         run: a push of a `Filtered`, filled in.
     """
     timesteps, substeps, is_continuous = settings
-    of_reading, by_torque, of_torque = noise
+    of_reading, of_torque = noise
     n = start.shape[1]
     set_off(start, 0, 0, work)
     for i in range(2 * n):
@@ -65,7 +64,6 @@ def lead(start, begin, forces, readings, balance, settings, noise, steps, work, 
                     return np.nan, np.nan
                 if is_continuous:
                     _rub(balance, timestep, substeps, spread, work)
-            _by_torques(by_torque, spread)
             widen(of_torque, spread)
             keep_step(reading, spread, run)
         logarithm += weigh(0, of_reading, spread)
@@ -86,18 +84,3 @@ def _rub(balance, timestep, substeps, spread, work):  # type: ignore[no-untyped-
         missing, built = 0.5 * (abs(side - before) + abs(side - after)), abs(after - before)
         unsure = balance.dry[i] * (UNSURE * missing + DAMPED * built / timestep)
         spread.rubbed[i] += unsure * unsure / substeps
-
-
-@fused
-def _by_torques(by_torque, spread):  # type: ignore[no-untyped-def]
-    """Makes `pushed`, which is by forces, by torques, whose forces are `by_torque` (n x n)."""
-    pushed, shared, n = spread.pushed, spread.shared, by_torque.shape[0]
-    for r in range(2 * n):
-        for j in range(n):
-            total = 0.0
-            for k in range(n):
-                total += pushed[r, k] * by_torque[k, j]
-            shared[r, j] = total
-    for r in range(2 * n):
-        for j in range(n):
-            pushed[r, j] = shared[r, j]

@@ -97,6 +97,16 @@ def slopes_of_joints(balance, work):  # type: ignore[no-untyped-def]
 
 
 @fused
+def pull_levers(work):  # type: ignore[no-untyped-def]
+    """Fills `levers` with the acceleration of each link by a torque of 1 N m in each joint."""
+    n = work.below.shape[0]
+    for i in range(n):
+        below = work.below[i]
+        for r in range(n):
+            work.levers[r, i] = work.solved[r, i] - (work.solved[r, below] if below >= 0 else 0.0)
+
+
+@fused
 def builds_up(joint, balance, work):  # type: ignore[no-untyped-def]
     """The derivative of the share of dry friction in a joint by its angle, in 1/rad; `slip` is as the force was."""
     angle, speed = joint_state(joint, work)

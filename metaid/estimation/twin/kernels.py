@@ -8,11 +8,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba.extending import overload
-
-from metaid.compiled import class_of
+from metaid.compiled import choose
 from metaid.estimation.twin import planar_motion, planar_slopes, spatial_motion, spatial_slopes
 from metaid.estimation.twin.planar_motion import PlanarBalance
+from metaid.estimation.twin.spatial_motion import SpatialBalance
 
 
 def accelerate(balance: Any, work: Any) -> Any:
@@ -37,29 +36,10 @@ def turn_base(balance: Any, beside: Any, work: Any) -> Any:
     raise NotImplementedError
 
 
-@overload(accelerate, inline="always")
-def _accelerate(balance, work):  # type: ignore[no-untyped-def]
-    if class_of(balance) is PlanarBalance:
-        return lambda balance, work: planar_motion.accelerate(balance, work)
-    return lambda balance, work: spatial_motion.accelerate(balance, work)
-
-
-@overload(linearise, inline="always")
-def _linearise(balance, work):  # type: ignore[no-untyped-def]
-    if class_of(balance) is PlanarBalance:
-        return lambda balance, work: planar_slopes.linearise(balance, work)
-    return lambda balance, work: spatial_slopes.linearise(balance, work)
-
-
-@overload(force_by_unknowns, inline="always")
-def _force_by_unknowns(balance, derivatives, work):  # type: ignore[no-untyped-def]
-    if class_of(balance) is PlanarBalance:
-        return lambda balance, derivatives, work: planar_slopes.force_by_unknowns(derivatives, work)
-    return lambda balance, derivatives, work: spatial_slopes.force_by_unknowns(balance, derivatives, work)
-
-
-@overload(turn_base, inline="always")
-def _turn_base(balance, beside, work):  # type: ignore[no-untyped-def]
-    if class_of(balance) is PlanarBalance:
-        return lambda balance, beside, work: None
-    return lambda balance, beside, work: spatial_slopes.turn_base(balance, beside, work)
+choose(accelerate, {PlanarBalance: planar_motion.accelerate, SpatialBalance: spatial_motion.accelerate})
+choose(linearise, {PlanarBalance: planar_slopes.linearise, SpatialBalance: spatial_slopes.linearise})
+choose(
+    force_by_unknowns,
+    {PlanarBalance: planar_slopes.force_by_unknowns, SpatialBalance: spatial_slopes.force_by_unknowns},
+)
+choose(turn_base, {PlanarBalance: planar_slopes.turn_base, SpatialBalance: spatial_slopes.turn_base})

@@ -37,7 +37,7 @@ def _slopes_of_forces(balance, work):  # type: ignore[no-untyped-def]
 
 
 @fused
-def force_by_unknowns(derivatives, work):  # type: ignore[no-untyped-def]
+def force_by_unknowns(_balance, derivatives, work):  # type: ignore[no-untyped-def]
     """Fills `changed` (nlink x nunknown) with M⁻¹ Y. What is known has the column −1."""
     acceleration, sine, changed, n = work.acceleration, work.own.sine, work.changed, work.angle.shape[0]
     gravity_column, length_column, inertia_column, damping_column, coulomb_column, begin = derivatives.columns
@@ -81,3 +81,8 @@ def _pull_by_coriolis(i, gravity_column, length_column, derivatives, work):  # t
         if length_column >= 0:
             work.changed[i, length_column + i] += own
             work.changed[j, length_column + i] += other
+
+
+@fused
+def turn_base(_balance, _beside, _work):  # type: ignore[no-untyped-def]
+    """A base turns in the plane alone, as if all links leant."""

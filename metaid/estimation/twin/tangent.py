@@ -10,6 +10,7 @@ an unknown, in loops over neighbouring unknowns.
 from __future__ import annotations
 
 from metaid.compiled import fused, multiply
+from metaid.estimation.twin.joints import pull_levers
 
 
 @fused
@@ -41,7 +42,7 @@ def _close(work):  # type: ignore[no-untyped-def]
 
 @fused
 def carry(timestep, is_continuous, spread, work):  # type: ignore[no-untyped-def]
-    """Moves the `step` of a filter, and how far it is `pushed` by forces that are held, on by the linearised step of
+    """Moves the `step` of a filter, and how far it is `pushed` by torques that are held, on by the linearised step of
     Eq. 23.
 
     Args:
@@ -50,14 +51,15 @@ def carry(timestep, is_continuous, spread, work):  # type: ignore[no-untyped-def
         spread: of the filter.
         work: see `workspace.Workspace`.
     """
-    solved, pushed, n = work.solved, spread.pushed, work.angle.shape[0]
+    pushed, n = spread.pushed, work.angle.shape[0]
     moved = (0.5 if is_continuous else 1.0) * timestep * timestep
     _carry(spread.step, timestep, spread, work)
     _carry(pushed, timestep, spread, work)
+    pull_levers(work)
     for i in range(n):
         for j in range(n):
-            pushed[n + i, j] += timestep * solved[i, j]
-            pushed[i, j] += moved * solved[i, j]
+            pushed[n + i, j] += timestep * work.levers[i, j]
+            pushed[i, j] += moved * work.levers[i, j]
 
 
 @fused

@@ -193,7 +193,6 @@ class Twin(ABC):
             joints: what they have beside the parameters; None for nothing.
         """
         npush, nreading, n = trial.readings.shape
-        by_torque = np.ascontiguousarray(self._torques)
         links, both = self.links, np.kron(np.eye(2), self.links)
         of_reading = (links * trial.noise**2) @ links.T
         covariances, seen = np.ascontiguousarray(both @ begins @ both.T), trial.readings @ links.T
@@ -201,7 +200,6 @@ class Twin(ABC):
         multiplications = int(trial.steps[pushes].sum()) * trial.substeps * 20 * n**3 * _stages(trial)
 
         def run(of_torque: Array, is_kept: bool) -> Filtered:
-            noise = of_reading, by_torque, of_torque
             found = run_of(npush, nreading, n, is_kept)
 
             def share(numbers: Iterator[int]) -> None:
@@ -210,7 +208,8 @@ class Twin(ABC):
                     pushed = starts[push], covariances[push], forces[push], seen[push]
                     moving = trial.timesteps[push], trial.substeps, trial.is_continuous
                     own = Filtered(*(each[push] for each in found))
-                    found.sums[push] = lead(*pushed, balance, moving, noise, trial.steps[push], *room, own)
+                    noise, steps = (of_reading, of_torque), trial.steps[push]
+                    found.sums[push] = lead(*pushed, balance, moving, noise, steps, *room, own)
 
             share_out(share, len(pushes), multiplications)
             return found
