@@ -65,17 +65,13 @@ def true_faults(plant: MujocoPlant | ArmPlant, kinds: Sequence[str]) -> Array:
     faults, n = plant.settings.faults, plant.njoint
     gains = faults.torque_gains(n)
     true = {
-        "delay": [faults.delay * faults.control_period(plant.timestep)],
+        "delay": np.array([faults.delay * faults.control_period(plant.timestep)]),
         "tilt": faults.tilts(plant.tilts),
         "offset": faults.encoder_offsets(n),
         "gain": gains[1:] / gains[0],
-        "lag": [0.0],
-        "presliding": [0.0],
-        "bias": np.zeros(n),
-        "cogging": np.zeros(2 * n),
-        "rotor": np.zeros(n - 1),
         "limit": np.where(np.isfinite(limits := faults.torque_limits(n)), limits, np.nan),
         **plant.hidden_forces,
     }
-    values = np.concatenate([np.empty(0), *(np.asarray(true[kind], dtype=np.float64) for kind in kinds)])
+    none = {kind: np.zeros(len(fault_names((kind,), n, plant.tilts))) for kind in kinds}  # of what no file can say
+    values = np.concatenate([np.empty(0), *(true.get(kind, nothing) for kind, nothing in none.items())])
     return values if plant.settings.truth_known else np.full(len(values), np.nan)
