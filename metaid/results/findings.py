@@ -199,6 +199,7 @@ class Findings:
 def read_findings(store: Store, name: str) -> Findings:
     """The findings of a study in the DB.  Raises StorageError."""
     snapshot = read_snapshot(store, name)
-    shown = snapshot.verdict.shown
-    searched = shown[shown["name"].isin(snapshot.problem.names)].reset_index(drop=True)
-    return Findings(snapshot, trials_table(snapshot), searched, summarized(snapshot))
+    shown = snapshot.verdict.shown.set_index("name")
+    searched = shown.reindex(snapshot.problem.names).rename_axis("name").reset_index()
+    known = searched.assign(determined=searched["determined"].eq(True))  # an estimate may be of fewer than the search
+    return Findings(snapshot, trials_table(snapshot), known, summarized(snapshot))

@@ -18,6 +18,7 @@ from metaid.errors import StudyError
 from metaid.estimation import TakenUp
 from metaid.models import ChainModel
 from metaid.results import read_snapshot, validate_law
+from metaid.show import report
 from metaid.store import Store
 from metaid.study import Problem, create_study, load_study, run_study
 from metaid.study.estimates.making import first_enough
@@ -44,7 +45,7 @@ def test_every_study_stands_by_the_estimate_that_explains_what_was_seen(estimate
 
 
 def test_lumps_that_an_estimate_is_not_of_are_the_nominal_ones(tmp_path: Path) -> None:
-    """The law that is identified has them, where it is shown and where it is written."""
+    """The law that is identified has them, where it is shown and where it is written; a report draws the others."""
     changes = {"nominal": "three-link", "estimate.lumps": ["gravity", "inertia"]}
     storage = str(tmp_path / "metaid.db")
     found = package.run(load_study("three-link-oscillation", changes), storage=storage)
@@ -53,6 +54,8 @@ def test_lumps_that_an_estimate_is_not_of_are_the_nominal_ones(tmp_path: Path) -
     model, chain = package.model("three-link-oscillation", storage), package.load_plant("three-link").chain
     angles, speeds = np.array([0.1, -0.2, 0.3]), np.array([1.0, -2.0, 0.5])
     assert model.torque(angles, speeds) == pytest.approx(ChainModel(chain.lumps, 9.81).torque(angles, speeds))
+    page = report.render(package.load_findings("three-link-oscillation", storage))
+    assert "gravity_1" in page
 
 
 @pytest.mark.parametrize("wanted", range(1, 14))
