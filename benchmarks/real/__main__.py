@@ -6,7 +6,8 @@ FOLDER holds clones of any of these public repositories: `double_pendulum` and `
 dfki-ric-underactuated-lab (BSD-3), `dynamic_calibration` of shamilmamedov, `figaroh-examples` of thanhndv212,
 `Robot_Identification` of JonasWeigand (MIT), `inverse-dynamics-solver` of unisa-acg (BSD-3), `FloBaRoID` of kjyv
 (LGPL-3), `mujoco-sysid` of lvjonok, `FurutaPendulumRL` of EmanuelSamir, `robot_identification` of Naruton94,
-`Dynamic_Parameter_Identification_for_Rokae_xMate` of YanjunLIU-ac, `Dynamics_identification_Frank` of FrankJIE09.
+`Dynamic_Parameter_Identification_for_Rokae_xMate` of YanjunLIU-ac, `Dynamics_identification_Frank` of FrankJIE09,
+`xMate7p_dyn_ident` of NKU-ZiXuan.
 Nothing of them ships with metaid.
 
 The logs are turned into CSV as a user would, metaid has its defaults, and the files that it writes are measured by code
@@ -39,13 +40,28 @@ from benchmarks.real import (
     tx40,
     ur10,
     ur10e,
+    xmate7,
 )
 from benchmarks.real.lines import Line, Table
 
 Measure = Callable[[Path, Path], Iterator[Table | Line]]
 MACHINES: dict[str, tuple[str, Measure]] = {
     each.__name__.rpartition(".")[2]: (each.REPOSITORY, each.measure)
-    for each in (double_pendulum, simple_pendulum, rotary, ur10e, ur10, tx40, kr300, shanghai, rokae, ar5, lwr4, belt)
+    for each in (
+        double_pendulum,
+        simple_pendulum,
+        rotary,
+        ur10e,
+        ur10,
+        tx40,
+        kr300,
+        shanghai,
+        rokae,
+        xmate7,
+        ar5,
+        lwr4,
+        belt,
+    )
 }
 
 

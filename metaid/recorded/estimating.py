@@ -18,7 +18,8 @@ from metaid.recorded.held_out import HeldOut
 from metaid.recorded.reading.readings import LogRun
 from metaid.recorded.weak_form.equations import Equations, Solution, equations_of, first_equations
 from metaid.recorded.weak_form.linear_model import BASE, LinearModel
-from metaid.recorded.weak_form.normal import ZERO, pseudo_inverse, solved
+from metaid.recorded.weak_form.nominal import arm_like
+from metaid.recorded.weak_form.normal import FAR_ZERO, ZERO, pseudo_inverse, solved
 from metaid.recorded.weak_form.possible import Possible, PossibleModel
 from metaid.recorded.weak_form.smoothed import Smoothed, smoothed, smoothed_together
 
@@ -52,6 +53,7 @@ class RecordedEstimate:
         logs: on their grids.
         moved: how long the robot moved in all logs, in s.
         gains: of the drives, by which the logs' torques were multiplied; None where no payload tells them.
+        turned: by how much the frames of an arm's joints are turned beforehand (njoint), in rad, where all logs say so.
     """
 
     model: LinearModel
@@ -72,6 +74,7 @@ class RecordedEstimate:
     logs: tuple[Smoothed, ...]
     moved: float
     gains: Gains | None = None
+    turned: Array | None = None
 
     @property
     def records(self) -> tuple[LogRun, ...]:
@@ -103,6 +106,9 @@ def estimate_records(
 ) -> RecordedEstimate:
     """What logs say of a robot.
 
+    The zeros of an arm's encoders that all logs share are no nuisance of a log but a property of the machine: a file
+    must have them, or it predicts the next log worse. The frames of its joints are turned by them (Eq. 68).
+
     Args:
         records: the logs, each a run of its own.
         model: what is unknown; its terms of friction do not count.
@@ -113,6 +119,25 @@ def estimate_records(
         RecordError: the logs have too little of it.
     """
     choices = choices or Choices()
+    found = _estimate(records, model, choices, gains)
+    shared = _shared_zeros(found)
+    if choices.zeros is not None or not shared.any():
+        return found
+    turned = arm_like(model, model.tree.turned(shared))
+    return replace(_estimate(records, turned, choices, gains), turned=shared)
+
+
+def _shared_zeros(found: RecordedEstimate) -> Array:
+    """The zeros of an arm's encoders (njoint), in rad, that all logs share: their mean, where it is more than by how
+    much they differ.  A pendulum is zeroed where it hangs, anew for each log.
+    """
+    mean, differ = found.zeros.mean(axis=0), np.ptp(found.zeros, axis=0)
+    are_shared = (np.abs(mean) > differ) & (np.abs(mean) < FAR_ZERO) & ~found.model.slides
+    return np.where(are_shared & (not found.model.is_pendulum), mean, 0.0)
+
+
+def _estimate(records: Sequence[LogRun], model: LinearModel, choices: Choices, gains: Gains | None) -> RecordedEstimate:
+    """What logs say of a robot, whose encoders may have other zeros in each.  Raises as `estimate_records`."""
     logs = smoothed_together(records, model)
     still = [own.record.name for own in logs if not own.judged.any()]
     if still:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -158,7 +158,17 @@ def estimate(
         verdict = judge_records(found, [fact.text for fact in facts], given)
         heard = [smoothed_beside(found.logs, other, found.model) for other in others]
         validation = tuple((own, _validated(found, own)) for own in heard)
-    return RecordedResult(plant.name, found, verdict, facts, validation, (*chosen_joints, *plant.repairs))
+    repairs = (*chosen_joints, *plant.repairs, *_turned(found))
+    return RecordedResult(plant.name, found, verdict, facts, validation, repairs)
+
+
+def _turned(found: RecordedEstimate) -> Iterator[str]:
+    """A sentence on the zeros that all logs share."""
+    if found.turned is not None:
+        said = [
+            f"{joint} {1e3 * zero:+.3g}" for joint, zero in zip(found.model.joints, found.turned, strict=True) if zero
+        ]
+        yield f"zeros of encoders that all logs share are in the frames of what is written: {', '.join(said)} mrad"
 
 
 def _plant_of(

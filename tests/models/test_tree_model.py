@@ -43,6 +43,16 @@ def mujocos(tree: Tree, coordinates: Array, speeds: Array, accelerations: Array)
 
 
 @pytest.mark.parametrize(("njoint", "slides"), ARMS)
+def test_turned_arm_at_what_encoders_read_is_the_arm_at_the_truth(njoint: int, slides: tuple[int, ...]) -> None:
+    tree = random_arm(njoint, 3, slides)
+    q, v, a = np.random.default_rng(4).uniform(-2.0, 2.0, (3, 10, njoint))
+    zeros = np.random.default_rng(5).uniform(-1.0, 1.0, njoint)
+    np.testing.assert_allclose(
+        joint_torque(tree.turned(zeros), q - zeros, v, a), joint_torque(tree, q, v, a), rtol=1e-9
+    )
+
+
+@pytest.mark.parametrize(("njoint", "slides"), ARMS)
 def test_torque_and_mass_matrix_are_those_of_mujoco(njoint: int, slides: tuple[int, ...]) -> None:
     """With hinges and slides along any axes, rotors and viscous friction."""
     tree = replace(random_arm(njoint, 1, slides), coulomb=np.zeros(njoint))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -18,11 +19,12 @@ from swinging import log_of, swinging_arm
 from metaid.models import Array
 from metaid.models.tree import joint_torque
 from metaid.plant import ArmPlant, load_plant
-from metaid.recorded import RecordedResult, estimate
+from metaid.recorded import LogRun, RecordedResult, estimate
 
 pytestmark = pytest.mark.slow
 
 Metaid = Callable[..., Finished]
+ZEROS = np.array([0.0, 0.03, -0.04])  # rad
 DAMPING, DRY = np.array([0.5, 0.3, 0.2]), np.array([0.4, 0.3, 0.2])
 
 
@@ -35,12 +37,17 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
         extra=lambda speeds: DAMPING * speeds + DRY * np.sign(speeds),
         seconds=4.0,
     )
+    path = tmp_path_factory.mktemp("arm") / "log.csv"
+    frame_of(record).to_csv(path, index=False)
+    return path
+
+
+def frame_of(record: LogRun) -> pd.DataFrame:
+    """With the columns that metaid reads."""
     columns = {"time": record.times}
     for kind, values in (("angle", record.angles), ("torque", record.torques)):
         columns |= {f"{kind}_{joint + 1}": values[:, joint] for joint in range(record.njoint)}
-    path = tmp_path_factory.mktemp("arm") / "log.csv"
-    pd.DataFrame(columns).to_csv(path, index=False)
-    return path
+    return pd.DataFrame(columns)
 
 
 @pytest.fixture(scope="module")
@@ -90,6 +97,45 @@ def test_printed_error_of_a_file_is_what_a_stranger_measures(
     rows = (times > times[0] + 0.2) & (times < times[-1] - 0.2)
     measured = np.linalg.norm((sent - predicted)[rows]) / np.linalg.norm(sent[rows])
     assert printed == pytest.approx(measured, rel=0.02, abs=2e-4)
+
+
+def run_with(zeros: Array, seed: int) -> LogRun:
+    """A log of an arm a tenth heavier than the shipped one, whose encoders have these zeros."""
+    arm = swinging_arm()
+    record = log_of(arm.with_parameters(1.1 * arm.parameters), noise=1e-5, seconds=4.0, seed=seed)
+    return replace(record, name=f"run{seed}", angles=record.angles - zeros)
+
+
+@pytest.fixture(scope="module")
+def shared() -> RecordedResult:
+    """What logs say whose encoders are all off by the same."""
+    frames = [frame_of(run_with(ZEROS, seed)) for seed in range(2)]
+    return estimate(frames, "spatial-three-link", friction=["viscous"])
+
+
+@pytest.mark.parametrize(("suffix", "share"), [(".py", 0.005), (".xml", 0.005), (".urdf", 0.01)])
+def test_file_has_the_zeros_that_all_logs_share(
+    shared: RecordedResult, suffix: str, share: float, tmp_path: Path
+) -> None:
+    """At what the encoders of the next log read it predicts the true torque, though nobody tells it their zeros; a URDF
+    without rotors.
+    """
+    arm = swinging_arm()
+    heavier = arm.with_parameters(1.1 * arm.parameters)
+    q, v, a = np.random.default_rng(2).uniform(-1.0, 1.0, (3, 50, 3))
+    shared.model.write(tmp_path / f"arm{suffix}")
+    true = joint_torque(heavier, q, v, a)
+    predicted = predicted_by(tmp_path / f"arm{suffix}", q - ZEROS, v, a)
+    assert np.linalg.norm(predicted - true) < share * np.linalg.norm(true)
+    assert np.abs(shared.estimate.zeros).max() < 2e-3
+    assert any("zeros of encoders that all logs share" in each for each in shared.nominal_repairs)
+
+
+def test_file_has_no_zeros_that_are_of_each_log() -> None:
+    frames = [frame_of(run_with(zeros, seed)) for seed, zeros in enumerate((ZEROS, -0.5 * ZEROS))]
+    found = estimate(frames, "spatial-three-link", friction=["viscous"])
+    assert found.estimate.turned is None
+    np.testing.assert_allclose(found.estimate.zeros, [ZEROS, -0.5 * ZEROS], atol=2e-3)
 
 
 def predicted_by(path: Path, q: Array, v: Array, a: Array) -> Array:

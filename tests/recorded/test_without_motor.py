@@ -166,6 +166,14 @@ def test_rotary_pendulum_whose_encoder_counts_the_other_way_is_named(tmp_path: P
     assert any("joint pendulum counts the other way: --reversed pendulum" in each for each in found.verdict.reasons)
 
 
+def test_gravity_that_is_said_wrong_of_a_rotary_pendulum_is_named(tmp_path: Path) -> None:
+    """Where it points elsewhere its second joint has no motor, too."""
+    (tmp_path / "rotary.xml").write_text(ROTARY_FILE)
+    log = moved(rotary_pendulum, np.pi, (0.003, 0.0), 0, 2.0).assign(angle_2=lambda own: -own["angle_2"])
+    found = metaid.estimate(log, tmp_path / "rotary.xml", reversed=["pendulum"], gravity=(9.81, 0.0, 0.0), **SAID)
+    assert any("--gravity 0,0,-9.81" in each for each in found.verdict.reasons), found.verdict.reasons
+
+
 @pytest.mark.parametrize("nlink", [1, 2])
 def test_pendulum_that_was_zeroed_where_it_hangs_is_named(nlink: int) -> None:
     """Though a single link whose mass is on the other side moves alike."""

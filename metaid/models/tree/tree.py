@@ -92,6 +92,14 @@ class Tree:
         parts = [fixed, np.eye(3) - fixed, np.where(hinge, crossing(self.axis), 0.0)]
         return np.asarray(self.rotation[:, None] @ np.stack(parts, axis=1), dtype=np.float64)
 
+    def turned(self, zeros: Array) -> Tree:
+        """The same arm, whose coordinates are less by these `zeros` (njoint)."""
+        fixed, cosine, sine = np.moveaxis(self.axes_terms, 1, 0)
+        angles = zeros[:, None, None]
+        slid = self.rotation @ (np.where(self.slides, zeros, 0.0)[:, None] * self.axis)[:, :, None]
+        rotation = fixed + np.cos(angles) * cosine + np.sin(angles) * sine
+        return replace(self, position=self.position + slid[:, :, 0], rotation=rotation)
+
     def with_parameters(self, parameters: Array) -> Tree:
         """The same arm with these `parameters` (njoint x 13). They need not be those of a body that can be.
 

@@ -19,7 +19,7 @@ from metaid.recorded.doubts.scales import scales_of, torque_scale
 from metaid.recorded.given import ALL, Advice, Given, Option, told
 from metaid.recorded.weak_form.equations import Equations
 from metaid.recorded.weak_form.linear_model import LinearModel
-from metaid.recorded.weak_form.nominal import arm_model
+from metaid.recorded.weak_form.nominal import arm_like
 from metaid.recorded.weak_form.possible import Possible
 from metaid.recorded.weak_form.windows import LogWindows
 
@@ -240,10 +240,8 @@ def suspected(check: Check) -> Iterator[Suspected]:
                 continue
             option = gravity_option(direction)
             if option not in check.leaning:
-                leaning = arm_model(replace(tree, gravity=direction))
-                check.leaning[option] = leaning.with_friction(model.friction)
-            other = check.leaning[option].with_coupled(model.sliding.coupled).with_still(model.sliding.still)
-            other = replace(other, untrusted=model.untrusted)
+                check.leaning[option] = arm_like(model, replace(tree, gravity=direction))
+            other = check.leaning[option].with_coupled(model.sliding.coupled)
             text = "gravity points elsewhere in the frame of the base"
             yield Suspected(text, (option,), check.with_model(other))
 

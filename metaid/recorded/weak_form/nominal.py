@@ -126,3 +126,10 @@ def arm_model(tree: Tree) -> LinearModel:
         tree=tree,
         prior=prior,
     ).with_friction(BASE)
+
+
+def arm_like(model: LinearModel, tree: Tree) -> LinearModel:
+    """That of an arm which differs from that of a `model` in its bodies, frames or gravity alone."""
+    other = arm_model(tree).with_friction(model.friction).with_coupled(model.sliding.coupled)
+    other = other.with_still(model.sliding.still)
+    return replace(other, untrusted=model.untrusted, passive=model.passive)
