@@ -26,6 +26,7 @@ from metaid.recorded.weak_form.smoothed import Smoothed, smoothed, smoothed_toge
 FEW_STARTS = 10  # of simulations a fold, of an arm in space
 MANY_STARTS = 60  # of a pendulum
 LONGER = (0.1, 0.2, 0.3, 0.5)  # s: of windows, the first that are longer than those that were chosen
+TRIFLE = 1e-3  # rad: a zero below it changes torques by less than a thousandth
 MOST_NAMED = 3  # joints that a suspect is named with
 
 
@@ -128,11 +129,12 @@ def estimate_records(
 
 
 def _shared_zeros(found: RecordedEstimate) -> Array:
-    """The zeros of an arm's encoders (njoint), in rad, that all logs share: their mean, where it is more than by how
-    much they differ.  A pendulum is zeroed where it hangs, anew for each log.
+    """The zeros of an arm's encoders (njoint), in rad, that all logs share: their mean, where it is more than a trifle
+    and more than by how much they differ.  A pendulum is zeroed where it hangs, anew for each log.
     """
     mean, differ = found.zeros.mean(axis=0), np.ptp(found.zeros, axis=0)
-    are_shared = (np.abs(mean) > differ) & (np.abs(mean) < FAR_ZERO) & ~found.model.slides
+    size = np.abs(mean)
+    are_shared = (size > np.maximum(differ, TRIFLE)) & (size < FAR_ZERO) & ~found.model.slides
     return np.where(are_shared & (not found.model.is_pendulum), mean, 0.0)
 
 
