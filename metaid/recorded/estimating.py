@@ -119,27 +119,25 @@ def estimate_records(
     Raises:
         RecordError: the logs have too little of it.
     """
-    choices = choices or Choices()
-    found = _estimate(records, model, choices, gains)
-    shared = _shared_zeros(found)
-    if choices.zeros is not None or not shared.any():
-        return found
-    turned = arm_like(model, model.tree.turned(shared))
-    return replace(_estimate(records, turned, choices, gains), turned=shared)
+    return _estimate(records, model, choices or Choices(), gains)
 
 
-def _shared_zeros(found: RecordedEstimate) -> Array:
-    """The zeros of an arm's encoders (njoint), in rad, that all logs share: their mean, where it is more than a trifle
-    and more than by how much they differ.  A pendulum is zeroed where it hangs, anew for each log.
+def _shared(zeros: Array, model: LinearModel) -> Array:
+    """What all logs share (njoint) of the `zeros` of an arm's encoders (nlog x njoint), in rad: their mean, where it is
+    more than a trifle and more than by how much they differ.  A pendulum is zeroed where it hangs, anew for each log.
     """
-    mean, differ = found.zeros.mean(axis=0), np.ptp(found.zeros, axis=0)
+    mean, differ = zeros.mean(axis=0), np.ptp(zeros, axis=0)
     size = np.abs(mean)
-    are_shared = (size > np.maximum(differ, TRIFLE)) & (size < FAR_ZERO) & ~found.model.slides
-    return np.where(are_shared & (not found.model.is_pendulum), mean, 0.0)
+    are_shared = (size > np.maximum(differ, TRIFLE)) & (size < FAR_ZERO) & ~model.slides
+    return np.where(are_shared & (not model.is_pendulum), mean, 0.0)
 
 
-def _estimate(records: Sequence[LogRun], model: LinearModel, choices: Choices, gains: Gains | None) -> RecordedEstimate:
-    """What logs say of a robot, whose encoders may have other zeros in each.  Raises as `estimate_records`."""
+def _estimate(
+    records: Sequence[LogRun], model: LinearModel, choices: Choices, gains: Gains | None, turned: Array | None = None
+) -> RecordedEstimate:
+    """What logs say of a robot, or of the one whose frames are `turned` by what they share.  Raises as
+    `estimate_records`.
+    """
     logs = smoothed_together(records, model)
     still = [own.record.name for own in logs if not own.judged.any()]
     if still:
@@ -151,6 +149,9 @@ def _estimate(records: Sequence[LogRun], model: LinearModel, choices: Choices, g
     equations, yardstick = chosen.equations, chosen.yardstick
     starts = MANY_STARTS if model.is_pendulum else FEW_STARTS
     possible, solutions = _possible(equations)
+    zeros = _zeros(equations, possible.values)
+    if turned is None and choices.zeros is None and (shared := _shared(zeros, model)).any():
+        return _estimate(records, arm_like(model, model.tree.turned(shared)), choices, gains, shared)
     plain = equations.with_model(equations.model.plain)
     simulator, simulator_solutions = _possible(plain)
     covariance = _widened(_projected(equations, possible), np.array([each.values for each in solutions]))
@@ -165,7 +166,7 @@ def _estimate(records: Sequence[LogRun], model: LinearModel, choices: Choices, g
         simulator=simulator,
         covariance=covariance,
         systematic=systematic,
-        zeros=_zeros(equations, possible.values),
+        zeros=zeros,
         scale=scale,
         carried=np.where(equations.held, np.nan, factors.by_weight / scale),
         accelerated=np.where(equations.held, np.nan, factors.by_motion / scale),
@@ -177,6 +178,7 @@ def _estimate(records: Sequence[LogRun], model: LinearModel, choices: Choices, g
         logs=yardstick.logs,
         moved=float(sum(own.judged.sum() * own.period for own in logs)),
         gains=gains,
+        turned=turned,
     )
 
 
