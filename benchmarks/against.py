@@ -2,11 +2,12 @@
 
 python -m benchmarks.against CHECKOUT [--rounds N] [--parts engine study]
 
-A round is a new process of each checkout. The two take turns, of some seconds for the engine, so that what slows the
-machine slows both. Rounds are many, because where a process has its code and data in memory moves its speed by some
-percent. A row is a figure of the tables that `benchmarks.engine` and `benchmarks.study` print, each a ratio to a peer
-of the same run: bare `mj_step`, or plain Optuna. It is the median over rounds of this checkout's figure over the
-other's: above 1 this one is faster. The quartiles are those of the rounds.
+A round is a new process of each checkout. The two take turns of some seconds, so that what slows the machine slows
+both. Rounds are many, because where a process has its code and data in memory moves its speed by some percent. A row is
+a figure of the tables that `benchmarks.engine` and `benchmarks.study` print, each a ratio to a peer of the same run:
+bare `mj_step`, or plain Optuna. It is the median over rounds of this checkout's figure over the other's: above 1 this
+one is faster. The quartiles are those of the rounds. Of studies there are the steps per second, too: those of plain
+Optuna, the same code in both, tell how much noise there is.
 """
 
 from __future__ import annotations
@@ -23,15 +24,14 @@ from pathlib import Path
 from benchmarks.common import Row, table
 
 HERE = Path(__file__).parent.parent
-FIGURES = {"engine": ("mj_step ÷ bare", "direct ÷ bare"), "study": ("metaid is faster by",)}
-QUICK = {"engine": True, "study": False}  # the turns of the engine may be short
-TURNS = {"engine": 3, "study": 1}  # in a round
+FIGURES = {"engine": ("mj_step ÷ bare", "direct ÷ bare"), "study": ("metaid is faster by", "steps/s")}
+TURNS = 3  # in a round
 # Run in either checkout: prints the tables of a benchmark whenever a line arrives.
 MEASURE = """
 import json, sys
 from benchmarks.{0} import measure
 for _ in sys.stdin:
-    print(json.dumps(measure({1})), flush=True)
+    print(json.dumps(measure(True)), flush=True)
 """
 
 
@@ -41,7 +41,7 @@ class Checkout:
     def __init__(self, folder: Path, benchmark: str) -> None:
         self._benchmark = benchmark
         self._process = subprocess.Popen(
-            [sys.executable, "-c", MEASURE.format(benchmark, QUICK[benchmark])],
+            [sys.executable, "-c", MEASURE.format(benchmark)],
             cwd=folder,
             env={**os.environ, "PYTHONPATH": str(folder)},
             stdin=subprocess.PIPE,
@@ -78,7 +78,7 @@ def compare(other: Path, benchmark: str, rounds: int) -> dict[str, list[float]]:
     for number in range(rounds):
         checkouts = Checkout(HERE, benchmark), Checkout(other, benchmark)
         turns: dict[str, list[float]] = defaultdict(list)
-        for turn in range(number, number + TURNS[benchmark]):
+        for turn in range(number, number + TURNS):
             found = {index: checkouts[index].figures() for index in ((0, 1) if turn % 2 else (1, 0))}
             for name in found[0].keys() & found[1].keys():
                 turns[name].append(found[0][name] / found[1][name])

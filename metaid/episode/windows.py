@@ -97,5 +97,7 @@ def windows_before_fall(
         fell: which pushes ended in a fall (npush).
     """
     is_seen = ends <= (ran - fell)[:, None]
+    if is_seen.all():
+        return Windows(ends, is_seen.sum(axis=1), motion, half_periods)
     shown = np.where(is_seen[..., None, None], motion, 0.0)
     return Windows(ends, is_seen.sum(axis=1), shown, half_periods * is_seen[..., None])
