@@ -22,7 +22,7 @@ def print_result(result: RecordedResult, has_numbers: bool, whole: bool) -> None
     tried.
     """
     shown = result.summary
-    _print_repairs(shown["logs"])
+    _print_repairs(shown["logs"], whole)
     _print_held_out(shown, result)
     if has_numbers:
         _print_parameters(shown, whole)
@@ -38,15 +38,25 @@ def print_result(result: RecordedResult, has_numbers: bool, whole: bool) -> None
             say(f"zeros of {log['path']}, added to its angles: " + ", ".join(f"{zero:+.4f}" for zero in log["zeros"]))
 
 
-def _print_repairs(logs: list[dict[str, Any]]) -> None:
-    """What is true of several logs is said once."""
+def _print_repairs(logs: list[dict[str, Any]], whole: bool) -> None:
+    """What is true of several logs is said once; of what is counted in many logs the largest count, or the `whole`."""
     of: dict[str, list[str]] = {}
+    counts: dict[str, dict[str, int]] = {}
     for log in logs:
         for repair in log["repairs"]:
-            of.setdefault(repair["text"], []).append(log["path"])
-    for text, paths in of.items():
-        named = ", ".join(paths) if len(paths) <= NAMED else f"{paths[0]} and {len(paths) - 1} more logs"
-        say(f"{'all logs' if len(paths) == len(logs) > 1 else named}: {text}")
+            text = repair["text"]
+            of.setdefault(text, []).append(log["path"])
+            is_counted = text[0].isdigit() and not whole
+            counts.setdefault(repair["kind"] if is_counted else text, {})[text] = repair["count"]
+    for alike in counts.values():
+        every = {path for text in alike for path in of[text]}
+        is_many = len(every) > NAMED
+        for text in [max(alike, key=lambda each: alike[each])] if is_many else alike:
+            paths = of[text]
+            named = ", ".join(paths) if len(paths) <= NAMED else f"{paths[0]} and {len(paths) - 1} more logs"
+            fewer = len(every - {*paths}) if is_many else 0
+            more = f"; fewer in {fewer} more log{'s' * (fewer > 1)}: --all" if fewer else ""
+            say(f"{'all logs' if len(paths) == len(logs) > 1 else named}: {text}{more}")
 
 
 def _print_held_out(shown: dict[str, Any], result: RecordedResult) -> None:
