@@ -18,6 +18,7 @@ from metaid.recorded.absolute import Absolute, absolute_of
 from metaid.recorded.branches import joints_named
 from metaid.recorded.choosing import Choices, usual_still
 from metaid.recorded.doubts.checks import facts_of
+from metaid.recorded.doubts.odd_logs import beyond_learned
 from metaid.recorded.estimating import MANY_STARTS, RecordedEstimate, estimate_records
 from metaid.recorded.gains import Gains, Payload, drive_gains
 from metaid.recorded.given import Given
@@ -158,7 +159,7 @@ def estimate(
         verdict = judge_records(found, [fact.text for fact in facts], given)
         heard = [smoothed_beside(found.logs, other, found.model) for other in others]
         validation = tuple((own, _validated(found, own)) for own in heard)
-    repairs = (*chosen_joints, *plant.repairs, *_turned(found))
+    repairs = (*chosen_joints, *plant.repairs, *_turned(found), *beyond_learned(found, validation))
     return RecordedResult(plant.name, found, verdict, facts, validation, repairs)
 
 

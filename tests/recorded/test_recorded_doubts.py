@@ -13,7 +13,7 @@ from conftest import wrong_chain
 from random_arm import wrong_tree
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
-from swinging import log_of, swinging, swinging_arm
+from swinging import SAID, log_of, swinging, swinging_arm
 
 from metaid.errors import RecordError
 from metaid.models import DEVIATIONS, Array
@@ -219,3 +219,24 @@ def test_order_that_is_said_is_that_of_the_log() -> None:
     np.testing.assert_array_equal(found.estimate.values, usual)
     with pytest.raises(RecordError, match=r"order turret,elbow .*allowed: each once of turret,shoulder,elbow"):
         estimate(frame, "spatial-three-link", order=["turret", "elbow"])
+
+
+@pytest.mark.parametrize("slower", [4.0, 1.0])
+def test_log_that_goes_beyond_what_was_learned_is_named(slower: float) -> None:
+    """It accelerates joints sixteen times as much as the log that bodies were learned from, and a delay of the torques
+    that nothing was said of counts the more.
+    """
+    late = 0.016  # s
+
+    def frame(times_slower: float) -> pd.DataFrame:
+        times, coordinates, speeds, accelerations = swinging(6.0, 3001, 3, 3)
+        times *= times_slower
+        torques = joint_torque(swinging_arm(), coordinates, speeds / times_slower, accelerations / times_slower**2)
+        torques = np.roll(torques, -round(late / times[1]), axis=0)
+        columns = {f"angle_{i + 1}": coordinates[:, i] for i in range(3)}
+        return pd.DataFrame({"time": times} | columns | {f"torque_{i + 1}": torques[:, i] for i in range(3)})
+
+    result = estimate(frame(slower), "spatial-three-link", validate=frame(1.0), **SAID)
+    said = [each for each in result.nominal_repairs if "accelerates joint" in each]
+    assert len(said) == (slower > 1.0)
+    assert all("16 times as much as what was learned, and is predicted to" in each for each in said)
