@@ -7,7 +7,7 @@ dfki-ric-underactuated-lab (BSD-3), `dynamic_calibration` of shamilmamedov, `fig
 `Robot_Identification` of JonasWeigand (MIT), `inverse-dynamics-solver` of unisa-acg (BSD-3), `FloBaRoID` of kjyv
 (LGPL-3), `mujoco-sysid` of lvjonok, `FurutaPendulumRL` of EmanuelSamir, `robot_identification` of Naruton94,
 `Dynamic_Parameter_Identification_for_Rokae_xMate` of YanjunLIU-ac, `Dynamics_identification_Frank` of FrankJIE09,
-`xMate7p_dyn_ident` of NKU-ZiXuan.
+`xMate7p_dyn_ident` of NKU-ZiXuan, `MultiArm-Pendulum` of dynamicslab (MIT).
 Nothing of them ships with metaid.
 
 The logs are turned into CSV as a user would, metaid has its defaults, and the files that it writes are measured by code
@@ -31,6 +31,7 @@ from benchmarks.real import (
     ar5,
     belt,
     double_pendulum,
+    free_swing,
     kr300,
     lwr4,
     rokae,
@@ -50,6 +51,7 @@ MACHINES: dict[str, tuple[str, Measure]] = {
     for each in (
         double_pendulum,
         simple_pendulum,
+        free_swing,
         rotary,
         ur10e,
         ur10,

@@ -183,11 +183,11 @@ def _estimate(
 
 
 def _with_idle(model: LinearModel, logs: Sequence[Smoothed]) -> LinearModel:
-    """The same with joints that have no torque in any log, where others have: one that moves has no motor, and of one
-    that is held nothing is known.
+    """The same with joints that have no torque in any log: one that moves has no motor, and of one that is held nothing
+    is known. A pendulum may have none at all, and swings freely.
     """
     idle = ~np.any([own.record.torques.any(axis=0) for own in logs], axis=0)
-    idle &= ~(model.untrusted | idle.all())
+    idle &= ~model.untrusted & (model.is_pendulum or not idle.all())
     held = model.held(np.max([np.ptp(own.coordinates, axis=0) for own in logs], axis=0))
     return replace(model, untrusted=model.untrusted | (idle & held), passive=idle & ~held)
 

@@ -130,7 +130,7 @@ def estimate(
     named = short_names(str(log) for log in every if not isinstance(log, pd.DataFrame))
     if rate is not None and not 0.0 < rate < np.inf:
         raise RecordError(f"rate: {rate:g} rows a second (allowed: above 0)")
-    needed = law is None, rate, named
+    needed = law is None, model.is_pendulum, rate, named
     intake = Intake(model.joints, slides, columns or {}, topic, untrusted_read, endless, *needed)
 
     def read(every: Sequence[Log], first: int) -> tuple[LogRun, ...]:
@@ -145,6 +145,7 @@ def estimate(
         return tuple(measured.record(given.meant(record)) for record in found)
 
     records, others = read(many, 1), read(held_out, len(many) + 1)
+    _refuse_some_without(records + others)
     after = len(many) + len(held_out) + 1
     loaded = [(record, each) for number, each in enumerate(payloads, after) for record in read([each.log], number)]
     records, others = without(leave_out or {}, records, others)
@@ -204,6 +205,15 @@ def _refuse_beside(measured: Absolute, given: Mapping[str, bool]) -> None:
         if is_given and not (measured.is_plain if name == "law" else measured.is_driven_by_joints):
             what = "absolute" if name == "law" else "a motor that stands on the base"
             raise RecordError(f"{name}: beside {what} (allowed: one of the two)")
+
+
+def _refuse_some_without(records: Sequence[LogRun]) -> None:
+    """Raises RecordError where some logs have torques, and others have none."""
+    free = [record.name for record in records if not record.torques.any()]
+    if len(free) not in (0, len(records)):
+        raise RecordError(
+            f"{free[0]}: every torque is 0, and not in other logs (allowed: torques in all logs, or in none)"
+        )
 
 
 def _compensated(record: LogRun, plant: Any) -> LogRun:

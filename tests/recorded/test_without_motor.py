@@ -16,6 +16,7 @@ import pytest
 from swinging import SAID
 
 import metaid
+from metaid.errors import RecordError
 from metaid.models import Array
 from metaid.recorded import RecordedResult
 
@@ -183,3 +184,48 @@ def test_pendulum_that_was_zeroed_where_it_hangs_is_named(nlink: int) -> None:
     believed = {**BELIEVED, "links": BELIEVED["links"][:nlink]}  # type: ignore[index]
     found = metaid.estimate(log, believed, **SAID)
     assert any("--zero 1=3.1416" in reason for reason in found.verdict.reasons)
+
+
+TORQUES = ["torque_1", "torque_2"]
+
+
+@cache
+def released() -> pd.DataFrame:
+    """The log of the double pendulum that swings freely from where its second link points up, with no torques."""
+    return moved(double_pendulum, 2.5, (0.0, 0.0), 0).drop(columns=TORQUES)
+
+
+def test_pendulum_that_swings_freely_is_identified_but_for_its_weight() -> None:
+    """All bodies together are taken to weigh what the nominal ones do: lumps are as many times what they are, and what
+    follows from a state does not depend on it.
+    """
+    found = metaid.estimate(released(), BELIEVED, zero={"1": np.pi})
+    values = found.verdict.lumps.set_index("name")["identified"][[*LUMPS]] / pd.Series(LUMPS)
+    assert found.verdict.word == "approximate"
+    assert values.max() / values.min() - 1.0 < 0.005
+    assert max(found.summary["held_out"]["motion"]["angle"]) < 0.03  # rad
+    assert any("no log has a torque: what all bodies weigh together" in each for each in found.verdict.reasons)
+    (repair,) = [each["text"] for each in found.summary["logs"][0]["repairs"]]
+    assert repair.startswith("no torques: taken to swing freely")
+
+
+def test_pendulum_whose_torques_were_not_logged_does_not_swing_freely() -> None:
+    """Motors are named."""
+    log = moved(double_pendulum, 0.0, (0.1, 0.1), 0).drop(columns=TORQUES)
+    found = metaid.estimate(log, BELIEVED, zero={"1": np.pi}, **SAID)
+    assert any("name the columns of torques, with --map OWN=torque" in reason for reason in found.verdict.reasons)
+
+
+def test_logs_with_and_without_torques_are_refused() -> None:
+    """Torques that were forgotten in one would spoil what the other says."""
+    with pytest.raises(
+        RecordError, match=r"frame 2: every torque is 0, and not in other logs \(allowed: torques in all"
+    ):
+        metaid.estimate([swung(0)[0], released()], BELIEVED)
+
+
+def test_arm_needs_torques(tmp_path: Path) -> None:
+    """What swings freely is a pendulum."""
+    (tmp_path / "rotary.xml").write_text(ROTARY_FILE)
+    with pytest.raises(RecordError, match="no column 'torque_1'"):
+        metaid.estimate(released(), tmp_path / "rotary.xml")

@@ -58,7 +58,7 @@ def facts_of(found: RecordedEstimate, measured: Absolute | None = None) -> tuple
     if odd is not None:
         return (odd,)
     dead = found.model.passive & ~found.equations.held & (found.held_out.by_joint > DRIVEN)
-    driven = tuple(_driven(name) for name in found.model.named(dead))
+    driven = tuple(_driven(name, found.model.is_free) for name in found.model.named(dead))
     plain = first_equations(found.logs, found.model.with_friction(BESIDE))
     if plain is None:
         return driven
@@ -119,9 +119,11 @@ def _named(check: Check, found: RecordedEstimate) -> tuple[Fact, ...]:
     return (*(fact for _, fact in units.values()), *turned, *(each.fact for each in telling))
 
 
-def _driven(name: str) -> Fact:
-    """That a joint whose torques are all 0 does not move as one without a motor does."""
+def _driven(name: str, is_free: bool) -> Fact:
+    """That a joint whose torques are all 0 does not move as one without a motor does, where all are so or one has."""
     text = f"every torque of joint {name} is 0, but a motor seems to move it: "
+    if is_free:
+        return Fact((f"{text}name the columns of torques, with --map OWN=torque",))
     return Fact((text, (Option("untrusted", name),), " fits nothing to its torque"))
 
 

@@ -43,6 +43,7 @@ class Intake:
         untrusted: which joints (njoint) move, but their torques are not used.
         endless: which joints (njoint) turn without an end.
         needs_torques: whether the torques must be in it; where not, and they are missing, they are 0.
+        may_swing: whether the robot is a pendulum, which may swing freely: where torques are missing, too.
         rate: rows a second of logs without times; None: logs have times.
         names: by the path of a log what it is called; where there is none its file is.
     """
@@ -54,6 +55,7 @@ class Intake:
     untrusted: NDArray[np.bool_] | bool = False
     endless: NDArray[np.bool_] | bool = False
     needs_torques: bool = True
+    may_swing: bool = False
     rate: float | None = None
     names: Mapping[str, str] = field(default_factory=dict)
 
@@ -81,13 +83,14 @@ class Intake:
 
     def _complete(self, every: Sequence[Understood]) -> Understood:
         """The one table that has all that is needed, or what all make together.  Raises RecordError."""
-        whole = [piece for piece in every if lacking([piece], self.needs_torques) is None]
+        needs_torques = self.needs_torques and not self.may_swing
+        whole = [piece for piece in every if lacking([piece], needs_torques) is None]
         if len(whole) == 1:
             return whole[0]
         if whole:
             names = ", ".join(str(piece.table.topic) for piece in whole)
             raise RecordError(f"{whole[0].table.name}: several have all that is needed (allowed: --topic, of {names})")
-        table, missing = every[0].table, lacking(every, self.needs_torques)
+        table, missing = every[0].table, lacking(every, needs_torques)
         if missing is None:
             return merged(every)
         if table.is_nameless:
@@ -107,6 +110,10 @@ class Intake:
             other = self._numbers(understood(piece.table, self.joints, {**self.columns, word: "torque"}))
             if other.torques.any():
                 return other.repaired("torque", 1, f"torques are 0: {word} is read instead, as by --map {word}=torque")
+        if self.may_swing and self.needs_torques and not any(piece.kinds["torque"]):
+            count = len(piece.table.columns)
+            text = "no torques: taken to swing freely (--map OWN=torque where a motor moves it)"
+            readings = readings.repaired("torque", count, text)
         return readings
 
     def _numbers(self, piece: Understood) -> LogRun:
@@ -133,7 +140,7 @@ class Intake:
         for run in moving:
             refuse_degrees(run, self.slides, self.endless)
             refuse_other_speeds(run, self.rate)
-            if self.needs_torques and not run.torques.any():
+            if self.needs_torques and not self.may_swing and not run.torques.any():
                 raise RecordError(f"{run.name}: every torque is 0, so nothing says how heavy the links are")
             if not (np.ptp(run.angles, axis=0) > 0.0).any():
                 raise RecordError(f"{run.name}: no joint moves")

@@ -31,6 +31,9 @@ SCALE = (
     "every number scales with the torques of the log, and nothing in it shows a wrong scale of all of them, as of "
     "motor currents with a wrong constant"
 )
+FREE = (
+    "no log has a torque: what all bodies weigh together is what the nominal ones do, and every number is a share of it"
+)
 MOSTLY = 0.5  # of a joint's torque that was left out
 OTHERWISE = 1.5  # times what the nominal bodies weigh: a joint that carries more, or as much less, is named
 MOST_NAMED = 4  # of what the model may lack
@@ -73,7 +76,7 @@ def judge_records(found: RecordedEstimate, facts: Sequence[str] = (), given: Giv
     told += (*_far_zeros(found), *_unexplained(found, given))
     if not is_known:
         told = (f"no parameter of the bodies is known to {COARSEST:.0%} by itself, only what they need together", *told)
-    reasons = (predicted(found), *facts, *told, SCALE)
+    reasons = (predicted(found), *facts, *told, FREE if found.model.is_free else SCALE)
     if found.gains is not None:
         reasons = (reasons[0], found.gains.text, *reasons[1:-1])
     is_explained = (found.misfit < EXPLAINED or found.held_out.relative < EXACT) and not found.lacking and not facts

@@ -165,13 +165,14 @@ class Equations:
         largest = max(float(np.abs(torques).max()) for torques in self.torques) or 1.0
         every = np.concatenate([torques.reshape(-1, n) for torques in self.torques])
         usual, least = self._usual_errors(every, largest)
+        size = float(np.sqrt((every**2).mean())) or float(np.sqrt(self._terms(nominal[: model.nbody]).mean()))
         unknown = model.untrusted, UNTRUSTED * largest**2  # has next to no weight
         covariance, floor = _apart(np.diag(usual), *unknown), np.diag(least)
         passes = PASSES if self.zeros or "load" in model.friction else 1
         for step in range(passes):
             loads = loads_of(self.parts, model, values[: model.nbody], zeros)
             rows = [self._rows(*each, values, zeros, step > 0) for each in zip(self.parts, loads, strict=True)]
-            prior = prior_of(model, rows, every, self.doubt * self.scale)
+            prior = prior_of(model, rows, size, self.doubt * self.scale)
             for _ in range(ROUNDS):
                 weight = np.asarray(np.linalg.inv(covariance + floor), dtype=np.float64)
                 blocks = self._blocks(rows, weight)

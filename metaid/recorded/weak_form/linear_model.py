@@ -48,6 +48,7 @@ Bodies = Callable[[Array, Array, Array], Array]
 Rigid = Callable[[Array, Array, Array, Array], Array]
 TURNED, SLIGHT = 0.5, 1e-3  # rad or m; of the largest torque
 LEAST_TURN, LEAST_SLIDE = 0.02, 0.002  # rad, m: within less a joint does not slide, it bends and creeps
+POSES = 64  # in which bodies are weighed
 HELD = 0.02  # of how far the joint turns that turns farthest: one that turns by less is held, and gives way
 
 
@@ -118,6 +119,11 @@ class LinearModel:
         """The names of some joints (njoint)."""
         return [name for name, is_one in zip(self.joints, which, strict=True) if is_one]
 
+    @property
+    def is_free(self) -> bool:
+        """Whether no joint has a torque that says how heavy the bodies are."""
+        return bool((self.passive | self.untrusted).all())
+
     @cached_property
     def is_pendulum(self) -> bool:
         """Whether it turns about parallel horizontal axes, as a chain does and an arm may."""
@@ -138,6 +144,16 @@ class LinearModel:
         q, v, a = np.random.default_rng(0).uniform(-1.0, 1.0, (3, self.njoint))
         usual, *others = self.rigid(self.nominal, np.vstack([q, q + TURNED * np.eye(self.njoint)]), v, a)
         return np.asarray((np.abs(others - usual) > SLIGHT * np.abs(usual).max()).any(axis=1))
+
+    @cached_property
+    def weight(self) -> Array:
+        """By which the bodies' unknowns (nbody) are multiplied and summed, so that nominal ones make 1: what all bodies
+        weigh together, by the torques that hold the nominal ones in many poses.
+        """
+        poses = np.random.default_rng(0).uniform(-np.pi, np.pi, (POSES, self.njoint))
+        columns = self.bodies(poses, np.zeros_like(poses), np.zeros_like(poses))
+        weight = np.einsum("njp,nj->p", columns, columns @ self.nominal)
+        return np.asarray(weight / (weight @ self.nominal), dtype=np.float64)
 
     @cached_property
     def friction(self) -> tuple[str, ...]:

@@ -15,6 +15,7 @@ from metaid.models import Array
 from metaid.recorded.weak_form.linear_model import LinearModel
 
 FLAT = 100.0  # how many times its torque a joint's friction may be beforehand: no prior at all
+WEIGHED = 1e-5  # of what all bodies weigh together, that it is off by where that is known
 UNCERTAIN = 1e-6  # of a prior's deviations, that all combinations of them have at least
 ZERO = 0.05  # rad: a standard deviation of the zero of an encoder beforehand
 FAR_ZERO = 4.0 * ZERO  # no zero is farther off by chance
@@ -101,13 +102,14 @@ def eliminated_covariance(inverse: Array, scores: Sequence[Array], lags: int) ->
     return np.asarray(inverse @ together @ inverse, dtype=np.float64)
 
 
-def prior_of(model: LinearModel, rows: Sequence[Array], torques: Array, spread: float) -> Array:
-    """The precision of the unknowns beforehand (nparam x nparam): of friction next to none.
+def prior_of(model: LinearModel, rows: Sequence[Array], usual: float, spread: float) -> Array:
+    """The precision of the unknowns beforehand (nparam x nparam): of friction next to none. What swings freely says
+    nothing of how much all bodies weigh together: that is known.
 
     Args:
         model: what is unknown.
         rows: of each log (nwindow x ntest x njoint x nparam or more).
-        torques: averaged, of all logs (nrow x njoint).
+        usual: root mean square of what errors of torques are shares of, in N m or N.
         spread: times the deviations of the nominal bodies.
     """
     nparam, nbody = len(model.names), model.nbody
@@ -117,7 +119,8 @@ def prior_of(model: LinearModel, rows: Sequence[Array], torques: Array, spread: 
     deviations = np.where(deviations > 0.0, deviations, UNCERTAIN * max(float(deviations.max(initial=0.0)), UNCERTAIN))
     correlation = covariance / np.outer(deviations, deviations) + UNCERTAIN * np.eye(nbody)
     precision[:nbody, :nbody] = np.linalg.inv(correlation) / np.outer(deviations, deviations)
-    usual = np.sqrt((torques**2).mean())
+    if model.is_free:
+        precision[:nbody, :nbody] += np.outer(model.weight, model.weight) / WEIGHED**2
     squares = [(each[..., nbody:nparam] ** 2).mean(axis=(0, 1, 2)) for each in rows]
     of_unit = np.sqrt(np.mean(squares, axis=0))
     widest = FLAT * usual / np.where(of_unit > 0.0, of_unit, 1.0)
