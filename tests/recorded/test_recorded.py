@@ -289,14 +289,12 @@ def test_law_stands_in_for_torques(metaid: Metaid) -> None:
 BAD = {
     "no time": (lambda log: log.drop(columns="time"), "no column 'time'"),
     "no angle": (lambda log: log.drop(columns="angle_2"), "no column 'angle_2'"),
-    "no torques": (lambda log: log.drop(columns=["torque_1", "torque_2"]), "no column 'torque_1'"),
     "a third joint": (lambda log: log.assign(angle_3=0.0), "column 'angle_3' is of no joint"),
     "degrees": (
         lambda log: log.assign(**{name: 57.3 * log[name] for name in log if name.startswith("angle")}),
         "degrees",
     ),
     "speeds in degrees": (lambda log: log.assign(speed_1=57.3 * log["speed_1"]), "degrees"),
-    "no torque at all": (lambda log: log.assign(torque_1=0.0, torque_2=0.0), "every torque is 0"),
     "times that stand": (lambda log: log.assign(time=1.0), "the times of all rows are the same"),
     "times in minutes": (lambda log: log.assign(time=1e-5 * log["time"]), "no rate of 10 Hz to 10 kHz"),
     "times of a coarse clock": (
