@@ -88,8 +88,9 @@ def predicted(found: RecordedEstimate) -> str:
     held, nominal = found.held_out, found.nominal_held_out
     what = "whole logs" if held.by == "logs" else "parts"
     where = " wherever their motion recurs" if any(fold.recurs for fold in found.chosen.yardstick.folds) else ""
+    which = "terms that cancel" if found.model.is_free else "torques"
     return (
-        f"torques of {what} that were left out{where} are predicted to {held.relative:.2%} of what they are, by the "
+        f"{which} of {what} that were left out{where} are predicted to {held.relative:.2%} of what they are, by the "
         f"nominal bodies with fitted friction to {nominal.relative:.2%}"
     )
 
