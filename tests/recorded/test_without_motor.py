@@ -206,6 +206,12 @@ def test_pendulum_that_swings_freely_is_identified_but_for_its_weight() -> None:
     assert max(found.summary["held_out"]["motion"]["angle"]) < 0.03  # rad
     assert found.verdict.reasons[0].startswith("terms that cancel of parts that were left out are predicted to")
     assert found.verdict.reasons[-1].startswith("no log has a torque: what all bodies weigh together")
+    shown = found.left_out[0]
+    gravity, left = (
+        np.abs(each[shown.judged]).max(axis=0) for each in (shown.measured, shown.measured - shown.predicted)
+    )
+    assert (left < 0.1 * gravity).all()
+    assert (gravity > 0.5).all()  # N m
     (repair,) = [each["text"] for each in found.summary["logs"][0]["repairs"]]
     assert repair.startswith("no torques: taken to swing freely")
 

@@ -32,7 +32,8 @@ KEYS = ("name", "unit", "nominal", "value", "sd", "sd_systematic", "low", "high"
 @dataclass(frozen=True)
 class LeftOut:
     """One log, or a third of it, that was predicted from the others: times in s (nrow), and torques that were
-    `measured` and `predicted` (nrow x njoint), in N m or N, through the filter; `judged` are the rows that count.
+    `measured` and `predicted` (nrow x njoint), in N m or N, through the filter, in a joint without a motor less what
+    gravity asks for; `judged` are the rows that count.
     """
 
     log: str
@@ -192,17 +193,18 @@ class RecordedResult:
         """All logs, or their thirds, each predicted by what the others say, and logs that nothing was fitted to."""
         found = self.estimate
         held_out = [(found.logs, found.held_out), *(((own,), held) for own, held in self.validation)]
-        return [
-            LeftOut(
-                logs[part.log].record.name,
-                logs[part.log].times,
-                logs[part.log].acting(found.delay),
-                logs[part.log].predicted(found.model, part.values, part.zeros),
-                part.rows,
-            )
-            for logs, held in held_out
-            for part in held.parts
-        ]
+        model, parts = found.model, []
+        for logs, held in held_out:
+            for part in held.parts:
+                own = logs[part.log]
+                sent, predicted = own.acting(found.delay), own.predicted(model, part.values, part.zeros)
+                if model.passive.any():
+                    still = np.zeros_like(own.speeds)
+                    weight = model.rigid(part.values[: model.nbody], own.coordinates + part.zeros, still, still)
+                    weight = np.where(model.passive, own.filtered(weight), 0.0)
+                    sent, predicted = sent - weight, predicted - weight
+                parts.append(LeftOut(own.record.name, own.times, sent, predicted, part.rows))
+        return parts
 
     def error_of(self, path: str | Path) -> FileError:
         """How well a file that was written predicts, loaded again, the torques of the rows that are judged (Eq. 73): of

@@ -21,13 +21,15 @@ MEASURED, PREDICTED, NOMINAL = INK, COLOURS[1], COLOURS[2]
 
 def plot_predicted_torque(found: RecordedResult, joint: int, axes: Axes | None = None) -> Axes:
     """The torque of a `joint`, from 0 on, that was measured and what was predicted of it, in N m (N), over time in s:
-    of what was left out, one part after the other between dotted lines.
+    of what was left out, one part after the other between dotted lines. Of one without a motor it is that of gravity,
+    and what is predicted to cancel it.
     """
     axes = new_axes(axes)
     times, measured, predicted = _over_time(found.left_out, joint, axes)
     axes.plot(times, measured, color=MEASURED, linewidth=1.0, label="measured")
     axes.plot(times, predicted, color=PREDICTED, linewidth=1.0, linestyle="--", label="predicted")
-    axes.set_ylabel(f"torque, {_unit(found, joint)}")
+    what = "gravity's torque" if found.estimate.model.passive[joint] else "torque"
+    axes.set_ylabel(f"{what}, {_unit(found, joint)}")
     return axes
 
 
