@@ -25,8 +25,11 @@ REPOSITORY = "MultiArm-Pendulum"  # of dynamicslab, MIT
 DATA = "ParameterEstimation/{0}Pendulum/{0}PendulumDataForParameterEstimation.mat"
 FITTED = "ParameterEstimation/{0}Pendulum/EstimatedParameters_{0}Pendulum.mat"
 NAMES = {"Double": 2, "Triple": 3}
-LINKS = {"length": (0.1727, 0.2286, 0.2413), "mass": (0.11, 0.12, 0.1), "com": (0.08755, 0.127, 0.12)} | {
-    "inertia": (0.001578, 0.0029, 0.002157)
+LINKS = {
+    "length": (0.1727, 0.2286, 0.2413),
+    "mass": (0.11, 0.12, 0.1),
+    "com": (0.08755, 0.127, 0.12),
+    "inertia": (0.001578, 0.0029, 0.002157),
 }
 AHEAD = (0.3, 1.0, 2.0)  # s
 EVERY, EDGE = 0.1, 0.05  # s: between two starts, and at both ends of the log

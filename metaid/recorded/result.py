@@ -130,7 +130,7 @@ def estimate(
     named = short_names(str(log) for log in every if not isinstance(log, pd.DataFrame))
     if rate is not None and not 0.0 < rate < np.inf:
         raise RecordError(f"rate: {rate:g} rows a second (allowed: above 0)")
-    needed = law is None, model.is_pendulum, rate, named
+    needed = law is None, law is None and model.is_pendulum, rate, named
     intake = Intake(model.joints, slides, columns or {}, topic, untrusted_read, endless, *needed)
 
     def read(every: Sequence[Log], first: int) -> tuple[LogRun, ...]:

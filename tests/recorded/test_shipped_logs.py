@@ -119,3 +119,28 @@ def test_what_follows_validate_is_fitted_to_by_nobody(metaid: Callable[..., Fini
     refused = metaid("estimate", "--validate", first, *rest, *nominal)
     assert refused.status == 2
     assert "LOG" in refused.err
+
+
+def test_real_run_whose_torques_are_left_out_is_no_free_pendulum(metaid: Callable[..., Finished]) -> None:
+    """Its motor moves it: nothing is found, and that a motor does is named."""
+    pd.read_csv(RUNS[0]).filter(regex="time|angle").to_csv("run.csv", index=False)
+    refused = metaid("estimate", "run.csv", "--nominal", "double-pendulum", *OPTIONS, "-o", "run.xml")
+    assert refused.status == 3
+    assert "joint 2 does not move as one without a motor" in refused.out
+    assert "a motor seems to move it: name the columns of torques, with --map OWN=torque" in refused.out
+    assert not Path("run.xml").exists()
+
+
+def test_what_is_counted_in_many_logs_is_said_once(metaid: Callable[..., Finished]) -> None:
+    """Of the log that has most of it; of all with --all."""
+    whole = pd.read_csv(RUNS[0])[:1200]
+    for lost in range(1, 5):
+        whole.drop(index=range(600, 600 + 2 * lost, 2)).to_csv(f"lost{lost}.csv", index=False)
+    given = ("estimate", *(f"lost{lost}.csv" for lost in range(1, 5)), "--nominal", "double-pendulum", *OPTIONS)
+    said, every = (
+        [line for line in metaid(*given, *more).out.splitlines() if "lost between others" in line]
+        for more in ((), ("--all",))
+    )
+    assert [line.partition(":")[0] for line in said] == ["lost4.csv"]
+    assert said[0].endswith("; fewer in 3 more logs: --all")
+    assert [line.partition(":")[0] for line in every] == [f"lost{lost}.csv" for lost in range(1, 5)]

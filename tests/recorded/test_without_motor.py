@@ -225,10 +225,23 @@ def test_pendulum_whose_torques_were_not_logged_does_not_swing_freely() -> None:
 
 def test_logs_with_and_without_torques_are_refused() -> None:
     """Torques that were forgotten in one would spoil what the other says."""
+    still = released().assign(**dict.fromkeys(TORQUES, 0.0))
     with pytest.raises(
         RecordError, match=r"frame 2: every torque is 0, and not in other logs \(allowed: torques in all"
     ):
+        metaid.estimate([swung(0)[0], still], BELIEVED)
+    with pytest.raises(RecordError, match="frame 2: no column 'torque_1'"):
         metaid.estimate([swung(0)[0], released()], BELIEVED)
+
+
+def test_files_of_a_pendulum_that_have_some_kinds_of_readings_each_are_one_log() -> None:
+    """Its torques are in the second; two that have none are two logs."""
+    given = {"zero": {"1": np.pi}, **SAID}
+    log = swung(0)[0]
+    apart = [log.drop(columns=TORQUES), log[["time", *TORQUES]]]
+    usual, merged = (metaid.estimate(each, BELIEVED, **given) for each in (log, apart))
+    np.testing.assert_array_equal(merged.estimate.values, usual.estimate.values)
+    assert len(metaid.estimate([released(), released()[:1200]], BELIEVED, **given).records) == 2
 
 
 @pytest.mark.parametrize(

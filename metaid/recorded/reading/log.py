@@ -43,7 +43,7 @@ class Intake:
         untrusted: which joints (njoint) move, but their torques are not used.
         endless: which joints (njoint) turn without an end.
         needs_torques: whether the torques must be in it; where not, and they are missing, they are 0.
-        may_swing: whether the robot is a pendulum, which may swing freely: where torques are missing, too.
+        may_swing: whether the robot is a pendulum: where no log has torques, or all are 0, it swings freely.
         rate: rows a second of logs without times; None: logs have times.
         names: by the path of a log what it is called; where there is none its file is.
     """
@@ -83,14 +83,13 @@ class Intake:
 
     def _complete(self, every: Sequence[Understood]) -> Understood:
         """The one table that has all that is needed, or what all make together.  Raises RecordError."""
-        needs_torques = self.needs_torques and not self.may_swing
-        whole = [piece for piece in every if lacking([piece], needs_torques) is None]
+        whole = [piece for piece in every if lacking([piece], self.needs_torques) is None]
         if len(whole) == 1:
             return whole[0]
         if whole:
             names = ", ".join(str(piece.table.topic) for piece in whole)
             raise RecordError(f"{whole[0].table.name}: several have all that is needed (allowed: --topic, of {names})")
-        table, missing = every[0].table, lacking(every, needs_torques)
+        table, missing = every[0].table, lacking(every, self.needs_torques)
         if missing is None:
             return merged(every)
         if table.is_nameless:
@@ -110,10 +109,9 @@ class Intake:
             other = self._numbers(understood(piece.table, self.joints, {**self.columns, word: "torque"}))
             if other.torques.any():
                 return other.repaired("torque", 1, f"torques are 0: {word} is read instead, as by --map {word}=torque")
-        if self.may_swing and self.needs_torques and not any(piece.kinds["torque"]):
-            count = len(piece.table.columns)
+        if self.may_swing and not piece.kinds["torque"]:
             text = "no torques: taken to swing freely (--map OWN=torque where a motor moves it)"
-            readings = readings.repaired("torque", count, text)
+            readings = readings.repaired("torque", len(self.joints), text)
         return readings
 
     def _numbers(self, piece: Understood) -> LogRun:
@@ -228,10 +226,13 @@ def every_run(intake: Intake, logs: Iterable[str | Path | pd.DataFrame], first: 
         RecordError: one is not such a log.
         MissingExtraError: a package for its format is not installed.
     """
+    every = [intake.pieces(log, number) for number, log in enumerate(logs, first)]
+    if intake.may_swing and not any(piece.kinds["torque"] for pieces in every for piece in pieces):
+        intake = replace(intake, needs_torques=False)
     runs: list[LogRun] = []
     waiting: list[Understood] = []
-    for number, log in enumerate(logs, first):
-        waiting += intake.pieces(log, number)
+    for pieces in every:
+        waiting += pieces
         if lacking(waiting, intake.needs_torques) is None:
             runs += intake.run_of(waiting)
             waiting = []

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from metaid.errors import first_of, joints_of
 from metaid.models import COARSEST, DEVIATIONS, Array
+from metaid.recorded.doubts.checks import DRIVEN
 from metaid.recorded.doubts.scales import UNIT
 from metaid.recorded.estimating import RecordedEstimate
 from metaid.recorded.given import ALL, Given, Option, told
@@ -133,11 +134,11 @@ def _against(found: RecordedEstimate, is_known: bool) -> Iterator[str]:
             "motors move it"
         )
         return
-    driven = np.flatnonzero(model.passive & (_moving(found) > LARGEST_ERROR))
-    for joint in driven.tolist():
+    most = DRIVEN if model.is_free else LARGEST_ERROR
+    for joint in np.flatnonzero(model.passive & (_moving(found) > most)).tolist():
         yield (
             f"joint {model.joints[joint]} does not move as one without a motor: {held.by_joint[joint]:.0%} of the "
-            f"terms that cancel in it are left (allowed: {LARGEST_ERROR:.0%})"
+            f"terms that cancel in it are left (allowed: {most:.0%})"
         )
     if held.relative > WORSE * nominal.relative and held.relative > WELL and found.misfit > EXPLAINED:
         yield (

@@ -153,7 +153,9 @@ class LinearModel:
         poses = np.random.default_rng(0).uniform(-np.pi, np.pi, (POSES, self.njoint))
         columns = self.bodies(poses, np.zeros_like(poses), np.zeros_like(poses))
         weight = np.einsum("njp,nj->p", columns, columns @ self.nominal)
-        return np.asarray(weight / (weight @ self.nominal), dtype=np.float64)
+        return np.asarray(
+            weight / (weight @ self.nominal or 1.0), dtype=np.float64
+        )  # nothing where gravity does nothing
 
     @cached_property
     def friction(self) -> tuple[str, ...]:
