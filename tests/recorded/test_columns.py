@@ -26,6 +26,8 @@ SPELLED: dict[str, tuple[dict[str, str], list[str]]] = {
         ["shoulder_joint", "elbow_joint"],
     ),
     "cart": ({"time": "t", "angle_": "pos_", "speed_": "vel_", "torque_": "force_"}, ["cart", "pole"]),
+    "files": ({"time": "time", "angle_": "posa{}.txt", "speed_": "vela{}.txt", "torque_": "trq{}.txt"}, ["1", "2"]),
+    "turns": ({"time": "t", "angle_": "theta{}_rad_wrapped", "speed_": "omega", "torque_": "tau"}, ["1", "2"]),
     "ROS": ({"time": "stamp", "angle_": "position_", "speed_": "velocity_", "torque_": "effort_"}, ["elbow", "hand"]),
 }
 
@@ -77,6 +79,14 @@ def test_columns_of_other_joints_are_passed_by_where_the_user_names_all() -> Non
         read(log)
     named = {"q1": "angle_1", "q3": "angle_2", "u1": "torque_1", "u3": "torque_2"}
     np.testing.assert_array_equal(read(log, columns=named).angles, read(clean()).angles)
+
+
+def test_one_joint_alone_may_have_any_number() -> None:
+    """As the second of a robot whose first is clamped; of two columns neither is known to be its."""
+    log = clean()[["time", "angle_2", "speed_2", "torque_2"]]
+    np.testing.assert_array_equal(read(log, joints=("1",)).angles, log[["angle_2"]])
+    with pytest.raises(RecordError, match=r"column 'angle_2' is of no joint \(allowed: angle_1; or --map of all\)"):
+        read(clean(), joints=("1",))
 
 
 def test_words_of_a_log_stand_for_joints_that_have_but_numbers() -> None:

@@ -148,6 +148,45 @@ def test_columns_of_one_joint_without_names_are_known(tmp_path: Path) -> None:
     assert_same(record, read(clean()[columns], joints=("1",)))
 
 
+FREE: dict[str, list[str]] = {
+    "time, angle, speed of all joints": ["time", *BLOCKS[:4]],
+    "angle, speed of all joints, by how they change at 200 Hz": BLOCKS[:4],
+    "time, angle of all joints": ["time", *BLOCKS[:2]],
+}
+
+
+@pytest.mark.parametrize("said", FREE)
+def test_columns_of_a_pendulum_that_swings_freely_need_no_torques(said: str, tmp_path: Path) -> None:
+    """Of any other robot the user is asked."""
+    columns = FREE[said]
+    np.savetxt(tmp_path / "run.txt", clean()[columns])
+    record = read(str(tmp_path / "run.txt"), may_swing=True)
+    usual = clean()
+    np.testing.assert_allclose(record.angles, usual[BLOCKS[:2]], atol=1e-12)
+    np.testing.assert_allclose(record.times, usual["time"], atol=1e-12)
+    assert not record.torques.any()
+    assert any(f"no names of columns: taken as {said}" in each.text for each in record.repairs)
+    with pytest.raises(RecordError, match="no names of its"):
+        read(str(tmp_path / "run.txt"))
+
+
+def test_columns_of_a_file_that_is_called_as_torques_are_no_angles(tmp_path: Path) -> None:
+    """Though a pendulum may have none."""
+    np.savetxt(tmp_path / "tau.txt", clean()[["time", *BLOCKS[4:]]])
+    with pytest.raises(RecordError, match="no names of its 3 columns"):
+        read(str(tmp_path / "tau.txt"), may_swing=True)
+
+
+def test_column_without_a_name_may_be_the_angle_of_a_pendulum(tmp_path: Path) -> None:
+    """Nothing but the user says how often it was read."""
+    np.savetxt(tmp_path / "run.txt", clean()["angle_1"])
+    given = {"joints": ("1",), "may_swing": True}
+    with pytest.raises(RecordError, match=r"--map column=angle and --rate HZ\)"):
+        read(str(tmp_path / "run.txt"), **given)
+    record = read(str(tmp_path / "run.txt"), columns={"column": "angle"}, rate=200.0, **given)
+    np.testing.assert_allclose(record.angles[:, 0], clean()["angle_1"], atol=1e-12)
+
+
 def test_angles_of_a_table_without_names_are_said_to_be_in_degrees(tmp_path: Path) -> None:
     """Once its columns are known; the message of the refusal says how."""
     log = in_joints()

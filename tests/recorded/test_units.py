@@ -80,8 +80,9 @@ def test_column_that_says_radians_may_turn_many_times() -> None:
     log = clean().assign(angle_1=lambda frame: 60.0 * frame["angle_1"], speed_1=lambda frame: 60.0 * frame["speed_1"])
     with pytest.raises(RecordError, match="looks like degrees"):
         read(log)
-    said = log.rename(columns={"angle_1": "Angle 1 (rad)", "speed_1": "Speed 1 (rad/sec)"})
-    np.testing.assert_allclose(read(said).angles[:, 0], log["angle_1"])
+    for names in (["Angle 1 (rad)", "Speed 1 (rad/sec)"], ["angle1_rad", "speed_1"]):
+        said = log.rename(columns=dict(zip(["angle_1", "speed_1"], names, strict=True)))
+        np.testing.assert_allclose(read(said).angles[:, 0], log["angle_1"])
 
 
 @pytest.mark.parametrize(

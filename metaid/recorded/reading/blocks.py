@@ -1,5 +1,5 @@
 """What the columns of a table without names are, by how they change: speeds are how fast angles do, accelerations are
-how fast speeds do, and what is left are torques.
+how fast speeds do, and what is left are torques. A pendulum that swings freely has none.
 """
 
 from __future__ import annotations
@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import permutations
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -15,6 +16,7 @@ from metaid.models import Array
 from metaid.recorded.reading.formats import Table
 from metaid.recorded.reading.readings import NO_READING, Repair
 from metaid.recorded.reading.times import FASTEST, SLOWEST, UNITS
+from metaid.recorded.reading.words import KIND_OF, tokens_of
 
 FEWEST, MOST = 3, 6  # columns of each joint
 STRIDES = 200  # of a log, over which changes are compared
@@ -24,16 +26,23 @@ ALIKE = 0.1  # most by which joints differ in how many rows a second has
 STILL = 0.01  # of how far the farthest joint goes: one that goes no farther says nothing
 
 
-def recognised(table: Table, njoint: int, rate: float | None) -> Table:
-    """A table without names with those that its columns must have, and with times where it has none and no `rate`, in
-    Hz, is said: its speeds tell them. Any other as it is, and one of which nothing tells what its columns are.
+def recognised(table: Table, njoint: int, rate: float | None, may_swing: bool) -> Table:
+    """A table without names with those that its columns must have. Any other as it is, and one of which nothing tells
+    what its columns are.
+
+    Args:
+        table: the table.
+        njoint: of the robot.
+        rate: in Hz; where it is not said, and the table has no times, its speeds tell it.
+        may_swing: whether the robot may swing freely, so that torques may be missing.
     """
-    count = len(table.columns)
-    if not table.is_nameless or not FEWEST * njoint <= count <= MOST * njoint + 1:
+    says = {KIND_OF.get(each, "angle") for each in tokens_of(Path(table.name).stem)}  # tau.csv has no angles
+    count, fewest = len(table.columns), FEWEST if not may_swing else 1 if says == {"angle"} else 2
+    if not table.is_nameless or not fewest * njoint <= count <= MOST * njoint + 1:
         return table
     cells = table.load(table.columns).apply(pd.to_numeric, errors="coerce").to_numpy(dtype=np.float64, na_value=np.nan)
     cells = cells[(np.abs(cells) < NO_READING).all(axis=1)]
-    found = list(_layouts(cells, njoint)) if len(cells) > STRIDES else []
+    found = list(_layouts(cells, njoint, fewest)) if len(cells) > STRIDES else []
     if len(found) != 1:
         return table
     layout = found[0]
@@ -53,19 +62,24 @@ class _Layout:
     rate: float | None
 
 
-def _layouts(cells: Array, njoint: int) -> Iterator[_Layout]:
-    """What cells (nrow x ncolumn) may be: kind after kind of all joints, or joint after joint, after a time perhaps."""
+def _layouts(cells: Array, njoint: int, fewest: int) -> Iterator[_Layout]:
+    """What cells (nrow x ncolumn) may be: kind after kind of all joints, or joint after joint, after a time perhaps, of
+    at least so many kinds.
+    """
     alone = njoint == 1
     is_timed = bool((np.diff(cells[:, 0]) > 0.0).all()) if alone else cells.shape[1] % njoint == 1
     times = cells[:, 0] if is_timed else np.arange(len(cells), dtype=np.float64)
     numbers = np.arange(int(is_timed), cells.shape[1])
-    if numbers.size % njoint or numbers.size < FEWEST * njoint or not (np.diff(times) > 0.0).all():
+    if numbers.size % njoint or numbers.size < fewest * njoint or not (np.diff(times) > 0.0).all():
         return
     shapes = {"all joints": numbers.reshape(-1, njoint)} | (
         {} if alone else {"joint after joint": numbers.reshape(njoint, -1).T}
     )
+    if numbers.size == njoint and is_timed:
+        yield _Layout(["time", *(f"angle_{joint + 1}" for joint in range(njoint))], "time, angle of all joints", None)
+        return
     for how, columns in shapes.items():
-        for kinds, rate in _kinds([cells[:, own] for own in columns], times):
+        for kinds, rate in _kinds([cells[:, own] for own in columns], times, fewest < FEWEST):
             as_said = any(abs(rate * unit - 1.0) < ALIKE for unit in UNITS.values())
             if as_said if is_timed else FASTEST < 1.0 / rate < SLOWEST:
                 names = ["time"] * int(is_timed) + [""] * columns.size
@@ -76,9 +90,9 @@ def _layouts(cells: Array, njoint: int) -> Iterator[_Layout]:
                 yield _Layout(names, f"time, {text}" if is_timed else text, None if is_timed else _usual(rate))
 
 
-def _kinds(blocks: Sequence[Array], times: Array) -> Iterator[tuple[list[str], float]]:
+def _kinds(blocks: Sequence[Array], times: Array, may_swing: bool) -> Iterator[tuple[list[str], float]]:
     """What each of several blocks (nrow x njoint each) is, empty of one that is not read, and how many units of time of
-    the speeds one of `times` is.
+    the speeds one of `times` is. There may be no torques where the robot `may_swing` freely.
     """
     moving = [number for number, block in enumerate(blocks) if np.ptp(block, axis=0).any()]
     changes = {pair: _changes(blocks[pair[0]], blocks[pair[1]], times) for pair in permutations(moving, 2)}
@@ -89,8 +103,9 @@ def _kinds(blocks: Sequence[Array], times: Array) -> Iterator[tuple[list[str], f
         others = [each for each in moving if each not in (angle, speed)]
         faster = [each for each in others if _are_filtered(*changes[speed, each], rate)]
         torque = [each for each in others if each not in faster]
-        if len(torque) == 1 and len(faster) <= 1 and not _are_filtered(*changes[torque[0], angle], rate):
-            known = {angle: "angle", speed: "speed", torque[0]: "torque"}
+        is_slower = any(_are_filtered(*changes[each, angle], rate) for each in torque)
+        if 1 - may_swing <= len(torque) <= 1 and len(faster) <= 1 and not is_slower:
+            known = {angle: "angle", speed: "speed"} | dict.fromkeys(torque, "torque")
             yield [known.get(each, "") for each in range(len(blocks))], rate
 
 

@@ -239,6 +239,7 @@ def _of_kind(
         named = {each.joint: each.column for each in reversed(own) if each.joint is not None}
         numbered = {each.number: each.column for each in reversed(own) if each.number is not None}
         base = 0 if 0 in numbered else 1
+        base = next(iter(numbered)) if njoint == len(numbered) == 1 else base  # whatever number one joint alone has
         by_number = {number - base: column for number, column in numbered.items() if number is not None}
         found = named if len(named) >= len({*by_number} & {*range(njoint)}) and named else by_number
         if len(said) == njoint:
@@ -251,8 +252,9 @@ def _of_kind(
             column = by_number[max(by_number)]
             first, last, by_name = (_of_joint(column, each) for each in (base, base + njoint - 1, joints[0]))
             by_name = "" if joints[0].isdigit() else f", or named as {by_name}"
+            first = first if njoint == 1 else f"{first} to {last}"
             raise RecordError(
-                f"{table.name}: column '{column}' is of no joint (allowed: {first} to {last}{by_name}; or --map of all)"
+                f"{table.name}: column '{column}' is of no joint (allowed: {first}{by_name}; or --map of all)"
             )
         missing = [joint for joint in range(njoint) if joint not in found]
         if missing and kind in ("angle", "speed"):

@@ -64,7 +64,9 @@ class Intake:
         count = len(self.joints)
         tables = [called_as_file(marked(table), count) for table in tables_of(log, number, self.topic)]
         said = {*self.columns, *self.columns.values()}
-        tables = [table if table.is_called(said) else recognised(table, count, self.rate) for table in tables]
+        tables = [
+            table if table.is_called(said) else recognised(table, count, self.rate, self.may_swing) for table in tables
+        ]
         pieces = [understood(table, self.joints, self.columns) for table in tables]
         return pieces if self.rate is None else [piece.on_rate(self.rate) for piece in pieces]
 

@@ -42,7 +42,8 @@ def called_as_file(table: Table, njoint: int) -> Table:
 def refusal(table: Table, njoint: int) -> RecordError:
     """What is said of a table without names of which nothing says what its columns are."""
     count = len(table.columns)
-    each, others = divmod(count, njoint) if njoint > 1 else (count - 1, 1)  # of one joint a time is likelier than none
+    has_time = njoint == 1 < count  # of one joint that is likelier than none
+    each, others = (count - 1, 1) if has_time else divmod(count, njoint)
     usual = USUAL.get(each, USUAL[3]).format(n=njoint)
     time, rate = ("", " and --rate HZ") if others == 0 and each in USUAL else ("time,", "")
     return RecordError(

@@ -20,7 +20,7 @@ FAR_FROM_ONE = 1.5  # between a speed and the change of its angle
 ALIKE = 0.1  # how much the ratios of several joints differ where their times are wrong
 SHAKEN = 0.01  # of how far the farthest joint of a log goes: one that goes no farther is held, and others shake it
 DEGREES = 180.0 / np.pi
-RADIANS = re.compile(r"\brad(ians?)?\b", re.IGNORECASE)  # in a column's own name
+RADIANS = re.compile(r"(?<![a-z])rad(ians?)?(?![a-z])", re.IGNORECASE)  # in a column's own name
 
 
 def refuse_few_rows(readings: LogRun) -> None:

@@ -211,7 +211,5 @@ def rested(readings: LogRun) -> LogRun:
     if not rests.any() or rests.mean() > MOST_RESTS or not spread[rests].any():
         return readings
     count = int(rests.sum())
-    text = (
-        f"rest: {counted(count, 'row')} in which no joint leaves the resolution and noise of its encoder are not fitted"
-    )
+    text = f"{counted(count, 'row')} in which no joint leaves the resolution and noise of its encoder: not fitted"
     return replace(readings, rests=rests).repaired("rest", count, text)

@@ -7,8 +7,11 @@ import re
 from metaid.recorded.reading.units import TOKENS, spaced
 
 WORDS = {
-    "angle": ("angle", "angles", "position", "positions", "pos", "q", "theta", "phi", "qpos"),
-    "speed": ("speed", "speeds", "velocity", "velocities", "vel", "v", "dq", "qd", "qdot", "dtheta", "omega", "qvel"),
+    "angle": ("angle", "angles", "position", "positions", "pos", "posa", "q", "theta", "phi", "qpos"),
+    "speed": (
+        *("speed", "speeds", "velocity", "velocities", "vel", "vela", "v"),
+        *("dq", "qd", "qdot", "dtheta", "omega", "qvel"),
+    ),
     "torque": ("torque", "torques", "effort", "efforts", "eff", "tau", "trq", "moment", "force", "forces"),
     "current": ("current", "currents", "cur", "curr", "voltage", "voltages"),
 }
@@ -23,7 +26,7 @@ WISHED = {
 PLAIN = {
     *("joint", "joints", "state", "states", "j", "jnt", "field", "data", "value", "msg", "link", "motor", "axis"),
     *("robot", "arm", "actual", "act", "meas", "measured", "msr", "fb", "feedback", "read", "raw"),
-    *("rad", "s", "sec", "nm", "n", "m", *TOKENS),
+    *("wrapped", "unwrapped", "txt", "rad", "s", "sec", "nm", "n", "m", *TOKENS),
 }
 
 
