@@ -99,9 +99,10 @@ class Intake:
         there = ", ".join(table.columns[:MOST_NAMED]) + (", …" if len(table.columns) > MOST_NAMED else "")
         strange = joints_beside("angle", table.columns) if missing == "angle" else []
         told = f"--map {strange[0]}={self.joints[0]}" if len(strange) == len(self.joints) else "--map OWN=OURS"
+        of = f" of each of {len(self.joints)} joints" if len(self.joints) > 1 else ""
         raise RecordError(
             f"{table.name}: no column '{missing if missing == 'time' else f'{missing}_1'}' among {there} (allowed: "
-            f"time, of each of {len(self.joints)} joints angle_1, torque_1 and perhaps speed_1; or {told})"
+            f"time,{of} angle_1, torque_1 and perhaps speed_1; or {told})"
         )
 
     def _measured(self, piece: Understood) -> LogRun:
