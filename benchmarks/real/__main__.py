@@ -7,7 +7,8 @@ dfki-ric-underactuated-lab (BSD-3), `dynamic_calibration` of shamilmamedov, `fig
 `Robot_Identification` of JonasWeigand (MIT), `inverse-dynamics-solver` of unisa-acg (BSD-3), `FloBaRoID` of kjyv
 (LGPL-3), `mujoco-sysid` of lvjonok, `FurutaPendulumRL` of EmanuelSamir, `robot_identification` of Naruton94,
 `Dynamic_Parameter_Identification_for_Rokae_xMate` of YanjunLIU-ac, `Dynamics_identification_Frank` of FrankJIE09,
-`xMate7p_dyn_ident` of NKU-ZiXuan, `MultiArm-Pendulum` of dynamicslab (MIT).
+`xMate7p_dyn_ident` of NKU-ZiXuan, `MultiArm-Pendulum` of dynamicslab (MIT), `dynamic-identification` of wissem01chiha
+(MIT, at 44f47d5).
 Nothing of them ships with metaid.
 
 The logs are turned into CSV as a user would, metaid has its defaults, and the files that it writes are measured by code
@@ -32,6 +33,7 @@ from benchmarks.real import (
     belt,
     double_pendulum,
     free_swing,
+    gen3,
     kr300,
     lwr4,
     rokae,
@@ -62,6 +64,7 @@ MACHINES: dict[str, tuple[str, Measure]] = {
         xmate7,
         ar5,
         lwr4,
+        gen3,
         belt,
     )
 }

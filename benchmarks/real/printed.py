@@ -3,7 +3,8 @@
 metaid says its yardstick (docs/method.md, Eq. 73): angles through 20 Hz without phase on the log's own period, a grid
 of that period or 4 ms, the torques that were sent and those that are predicted through a cut-off that it prints. Rows
 count in which some joint is faster than 1 % of its fastest (of its 99 % quantile) within 0.25 s, but for 0.2 s at both
-ends and around gaps. Zeros and the delay are those that it prints.
+ends and around gaps. A joint that is held in a log, which turns by less than 0.02 rad or 2 % of the farthest, does not
+count there (Eq. 68). Zeros and the delay are those that it prints.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from benchmarks.real.lines import Line
 
 FINEST = 0.004  # s
 MOVES, AROUND, EDGE, GAP = 0.01, 0.25, 0.2, 0.05  # share of the fastest speed; s each
+HELD = 0.02  # rad, and share of what the farthest turns
 
 
 def judged_rows(log: Log, motion: Motion) -> Rows:
@@ -46,8 +48,9 @@ def printed_and_measured(result: Any, path: Path, logs: Sequence[Log]) -> dict[s
         motion = motion_of(log, ANGLES, cutoff, FINEST)
         predicted = low_pass(file_torques(path, motion.with_zeros(np.array(about["zeros"]))), cutoff, motion.period)
         sent = np.stack([np.interp(motion.times - delay, motion.times, each) for each in motion.torques.T], axis=1)
-        rows = judged_rows(log, motion)
-        pairs.append((predicted[rows][:, used], sent[rows][:, used]))
+        reach = np.ptp(log.angles, axis=0)
+        rows, counts = judged_rows(log, motion), used & (reach >= HELD * max(1.0, reach.max()))
+        pairs.append((np.where(counts, predicted[rows], 0.0), np.where(counts, sent[rows], 0.0)))
     own = missed(pairs).relative
     return {"file": path.suffix, "printed": said.relative, "measured": own, "ratio": said.relative / own}
 

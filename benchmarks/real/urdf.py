@@ -22,7 +22,18 @@ def bare_urdf(path: Path, place: Path) -> Path:
         for inertia in link.iter("inertia"):
             if not any(float(value) for value in inertia.attrib.values()):
                 inertia.attrib |= {"ixx": "0.0001", "iyy": "0.0001", "izz": "0.0001"}
+    place.mkdir(exist_ok=True)
     copy = place / path.name
+    tree.write(copy)
+    return copy
+
+
+def balanced_urdf(path: Path, place: Path) -> Path:
+    """A copy without meshes, whose moments of inertia MuJoCo makes those of a body where no body has them."""
+    copy = bare_urdf(path, place / "balanced")
+    tree = ElementTree.parse(copy)
+    own = ElementTree.SubElement(tree.getroot(), "mujoco")
+    ElementTree.SubElement(own, "compiler", balanceinertia="true")
     tree.write(copy)
     return copy
 
