@@ -102,6 +102,7 @@ def test_workers_that_hang_or_are_killed_at_work_are_replaced(node: Any, problem
     with closing(RayEvaluator(problem, 2, None)) as evaluator:
         hanging, _ = processes(at_full_strength(evaluator, problem))
         patience, evaluator._patience = evaluator._patience, 3.0
+        evaluator._slowest_candidate = 0.0  # a hundred times that of a worker that starts on a busy machine is minutes
         os.kill(hanging, signal.SIGSTOP)
         assert evaluator.evaluate(batch_of(problem)) == expected(problem)
         assert hanging not in processes(evaluator)
