@@ -168,6 +168,8 @@ def test_columns_of_a_pendulum_that_swings_freely_need_no_torques(said: str, tmp
     assert any(f"no names of columns: taken as {said}" in each.text for each in record.repairs)
     with pytest.raises(RecordError, match="no names of its"):
         read(str(tmp_path / "run.txt"))
+    (tmp_path / "run.txt").rename(tmp_path / "摆.txt")
+    np.testing.assert_array_equal(read(str(tmp_path / "摆.txt"), may_swing=True).angles, record.angles)
 
 
 def test_columns_of_a_file_that_is_called_as_torques_are_no_angles(tmp_path: Path) -> None:

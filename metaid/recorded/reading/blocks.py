@@ -36,8 +36,8 @@ def recognised(table: Table, njoint: int, rate: float | None, may_swing: bool) -
         rate: in Hz; where it is not said, and the table has no times, its speeds tell it.
         may_swing: whether the robot may swing freely, so that torques may be missing.
     """
-    says = {KIND_OF.get(each, "angle") for each in tokens_of(Path(table.name).stem)}  # tau.csv has no angles
-    count, fewest = len(table.columns), FEWEST if not may_swing else 1 if says == {"angle"} else 2
+    is_other = any(KIND_OF.get(each, "angle") != "angle" for each in tokens_of(Path(table.name).stem))  # as tau.csv
+    count, fewest = len(table.columns), FEWEST if not may_swing else 1 + is_other
     if not table.is_nameless or not fewest * njoint <= count <= MOST * njoint + 1:
         return table
     cells = table.load(table.columns).apply(pd.to_numeric, errors="coerce").to_numpy(dtype=np.float64, na_value=np.nan)

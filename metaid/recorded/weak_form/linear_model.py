@@ -153,9 +153,8 @@ class LinearModel:
         poses = np.random.default_rng(0).uniform(-np.pi, np.pi, (POSES, self.njoint))
         columns = self.bodies(poses, np.zeros_like(poses), np.zeros_like(poses))
         weight = np.einsum("njp,nj->p", columns, columns @ self.nominal)
-        return np.asarray(
-            weight / (weight @ self.nominal or 1.0), dtype=np.float64
-        )  # nothing where gravity does nothing
+        whole = weight @ self.nominal or 1.0  # 0 where gravity does nothing
+        return np.asarray(weight / whole, dtype=np.float64)
 
     @cached_property
     def friction(self) -> tuple[str, ...]:
