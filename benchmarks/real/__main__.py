@@ -32,6 +32,7 @@ from benchmarks.real import (
     ar5,
     belt,
     double_pendulum,
+    dual_arm,
     free_swing,
     gen3,
     kr300,
@@ -65,6 +66,7 @@ MACHINES: dict[str, tuple[str, Measure]] = {
         ar5,
         lwr4,
         gen3,
+        dual_arm,
         belt,
     )
 }

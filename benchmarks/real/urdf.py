@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from metaid.models import Array
 
@@ -39,7 +41,13 @@ def balanced_urdf(path: Path, place: Path) -> Path:
 
 
 def urdf_of(
-    name: str, twists: Sequence[float], along: Sequence[float], offsets: Sequence[float], bodies: Array, place: Path
+    name: str,
+    twists: Sequence[float],
+    along: Sequence[float],
+    offsets: Sequence[float],
+    bodies: Array,
+    place: Path,
+    turned: Sequence[float] = (),
 ) -> Path:
     """A URDF, in a `place`, of hinges `joint1`, `joint2`, ... in modified Denavit-Hartenberg frames.
 
@@ -51,7 +59,9 @@ def urdf_of(
         bodies: of each link its mass in kg, first moment in kg m, and xx, xy, xz, yy, yz, zz in kg m² about the origin
             of its frame (nlink x 10).
         place: where it is written.
+        turned: by which each frame is turned about the joint's own axis where its angle is 0, in rad; not at all.
     """
+    turned = turned or [0.0] * len(twists)
     parts, before = (
         [f'<robot name="{name}"><mujoco><compiler balanceinertia="true"/></mujoco><link name="base"/>'],
         "base",
@@ -69,12 +79,19 @@ def urdf_of(
             f'<mass value="{mass}"/><inertia {moments}/></inertial></link>'
             f'<joint name="joint{joint + 1}" type="continuous"><parent link="{before}"/><child link="link{joint + 1}"/>'
             f'<origin xyz="{along[joint]} {-sine * offsets[joint]:.9g} {cosine * offsets[joint]:.9g}" '
-            f'rpy="{twists[joint]:.12g} 0 0"/><axis xyz="0 0 1"/></joint>'
+            f'rpy="{_roll_pitch_yaw(twists[joint], turned[joint])}"/><axis xyz="0 0 1"/></joint>'
         )
         before = f"link{joint + 1}"
     path = place / f"{name}.urdf"
     path.write_text("".join(parts) + "</robot>", encoding="utf-8")
     return path
+
+
+def _roll_pitch_yaw(twist: float, turn: float) -> str:
+    """Of a frame that is turned by a `twist` about x, and then by a `turn` about its own z, in rad."""
+    with warnings.catch_warnings(action="ignore"):  # where roll and yaw are about one axis
+        angles = Rotation.from_euler("XZ", [twist, turn]).as_euler("xyz")
+    return " ".join(f"{angle:.12g}" for angle in angles)
 
 
 def with_bodies(model: Any, parameters: Array) -> Any:

@@ -56,15 +56,31 @@ class Chosen:
 
     Attributes:
         equations: of all windows, with what was chosen.
-        yardstick: what is held out.
-        tried: what was tried, in words, and by which the error of what was left out changed (1: not at all).
+        search: what it was chosen from.
         delay_at_bound: whether the scan of delays ended at its end.
     """
 
     equations: Equations
-    yardstick: Yardstick
-    tried: tuple[tuple[str, float], ...]
+    search: Search
     delay_at_bound: bool
+
+    @property
+    def yardstick(self) -> Yardstick:
+        """What is held out."""
+        return self.search.yardstick
+
+    @property
+    def tried(self) -> Sequence[tuple[str, float]]:
+        """What was tried, in words, and by which the error of what was left out changed (1: not at all)."""
+        return self.search.tried
+
+    def turned(self, model: LinearModel) -> Chosen:
+        """The same of a robot whose frames have the zeros that all logs share, without other zeros where these are not
+        worth their while.
+        """
+        without = replace(self.equations.with_model(model), zeros=False)
+        best = _with_zeros(self.search, self.search.candidate(without), "zeros that logs do not share")
+        return replace(self, equations=best.equations)
 
 
 def choose(logs: Sequence[Smoothed], model: LinearModel, choices: Choices, scale: float) -> Chosen:
@@ -100,7 +116,7 @@ def choose(logs: Sequence[Smoothed], model: LinearModel, choices: Choices, scale
         if best.equations.delay:
             best = search.candidate(replace(best.equations, delay=0.0))
         best, at_bound = _with_delay(search, best)
-    return Chosen(best.equations, search.yardstick, tuple(search.tried), at_bound)
+    return Chosen(best.equations, search, at_bound)
 
 
 def _best_windows(search: Search, like: Equations) -> Candidate:
@@ -109,10 +125,10 @@ def _best_windows(search: Search, like: Equations) -> Candidate:
     return next((each for each in every if each.whole <= most), every[0])
 
 
-def _with_zeros(search: Search, best: Candidate) -> Candidate:
+def _with_zeros(search: Search, best: Candidate, which: str = "zeros of the encoders") -> Candidate:
     """With zeros of the encoders, where these are worth their while; each judged on the same rows."""
     (before,) = search.candidates([best.equations], of_halves=True)
-    return search.better("zeros of the encoders", replace(best.equations, zeros=True), before) or best
+    return search.better(which, replace(best.equations, zeros=True), before) or best
 
 
 def _with_doubt(search: Search, best: Candidate) -> Candidate:

@@ -119,25 +119,7 @@ def estimate_records(
     Raises:
         RecordError: the logs have too little of it.
     """
-    return _estimate(records, model, choices or Choices(), gains)
-
-
-def _shared(zeros: Array, model: LinearModel) -> Array:
-    """What all logs share (njoint) of the `zeros` of an arm's encoders (nlog x njoint), in rad: their mean, where it is
-    more than a trifle and more than by how much they differ.  A pendulum is zeroed where it hangs, anew for each log.
-    """
-    mean, differ = zeros.mean(axis=0), np.ptp(zeros, axis=0)
-    size = np.abs(mean)
-    are_shared = (size > np.maximum(differ, TRIFLE)) & (size < FAR_ZERO) & ~model.slides
-    return np.where(are_shared & (not model.is_pendulum), mean, 0.0)
-
-
-def _estimate(
-    records: Sequence[LogRun], model: LinearModel, choices: Choices, gains: Gains | None, turned: Array | None = None
-) -> RecordedEstimate:
-    """What logs say of a robot, or of the one whose frames are `turned` by what they share.  Raises as
-    `estimate_records`.
-    """
+    choices = choices or Choices()
     logs = smoothed_together(records, model)
     still = [own.record.name for own in logs if not own.judged.any()]
     if still:
@@ -146,12 +128,14 @@ def _estimate(
     first = first_equations(logs, model.with_friction(BASE))
     scale = 1.0 if first is None or gains else torque_scale(first)
     chosen = choose(logs, model, choices, scale)
+    possible, solutions = _possible(chosen.equations)
+    shared = _shared(_zeros(chosen.equations, possible.values), model)
+    turned = shared if choices.zeros is None and shared.any() else None
+    if turned is not None:
+        chosen = chosen.turned(arm_like(chosen.equations.model, model.tree.turned(turned)))
+        possible, solutions = _possible(chosen.equations)
     equations, yardstick = chosen.equations, chosen.yardstick
     starts = MANY_STARTS if model.is_pendulum else FEW_STARTS
-    possible, solutions = _possible(equations)
-    zeros = _zeros(equations, possible.values)
-    if turned is None and choices.zeros is None and (shared := _shared(zeros, model)).any():
-        return _estimate(records, arm_like(model, model.tree.turned(shared)), choices, gains, shared)
     plain = equations.with_model(equations.model.plain)
     simulator, simulator_solutions = _possible(plain)
     covariance = _widened(_projected(equations, possible), np.array([each.values for each in solutions]))
@@ -166,7 +150,7 @@ def _estimate(
         simulator=simulator,
         covariance=covariance,
         systematic=systematic,
-        zeros=zeros,
+        zeros=_zeros(equations, possible.values),
         scale=scale,
         carried=np.where(equations.held, np.nan, factors.by_weight / scale),
         accelerated=np.where(equations.held, np.nan, factors.by_motion / scale),
@@ -180,6 +164,16 @@ def _estimate(
         gains=gains,
         turned=turned,
     )
+
+
+def _shared(zeros: Array, model: LinearModel) -> Array:
+    """What all logs share (njoint) of the `zeros` of an arm's encoders (nlog x njoint), in rad: their mean, where it is
+    more than a trifle and more than by how much they differ.  A pendulum is zeroed where it hangs, anew for each log.
+    """
+    mean, differ = zeros.mean(axis=0), np.ptp(zeros, axis=0)
+    size = np.abs(mean)
+    are_shared = (size > np.maximum(differ, TRIFLE)) & (size < FAR_ZERO) & ~model.slides
+    return np.where(are_shared & (not model.is_pendulum), mean, 0.0)
 
 
 def _with_idle(model: LinearModel, logs: Sequence[Smoothed]) -> LinearModel:

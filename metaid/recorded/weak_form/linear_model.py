@@ -267,7 +267,8 @@ class LinearModel:
     def with_friction(self, terms: tuple[str, ...]) -> LinearModel:
         """The same with these terms of friction in every joint, and dry friction that is there at once."""
         every = frozenset(product({*terms} & {*COLUMNS}, range(self.njoint)))
-        return _rubbing(replace(self, sliding=Sliding.at_once(self.sliding.still, self.sliding.coupled)), every)
+        at_once = Sliding.at_once(self.sliding.still, self.sliding.coupled)
+        return replace(self, sliding=at_once).with_rubbing(every)
 
     def with_springs(self, joints: NDArray[np.bool_]) -> LinearModel:
         """The same with springs in some `joints` (njoint), too, that are slack somewhere."""
@@ -280,7 +281,7 @@ class LinearModel:
 
     def with_term(self, term: str, joints: NDArray[np.bool_]) -> LinearModel:
         """The same with a term of friction in some `joints` (njoint), too."""
-        return _rubbing(self, self.rubbing | {(term, joint) for joint in np.flatnonzero(joints).tolist()})
+        return self.with_rubbing(self.rubbing | {(term, joint) for joint in np.flatnonzero(joints).tolist()})
 
     def with_sliding(self, how: How, size: Array | float, joints: NDArray[np.bool_] | bool = True) -> LinearModel:
         """The same with dry friction that builds up over displacements, in rad or m, or bends at speeds, in rad/s or
@@ -291,7 +292,19 @@ class LinearModel:
 
     def with_coupled(self, coupled: tuple[tuple[int, int], ...]) -> LinearModel:
         """The same with these pairs of joints, from 0 on, whose motors are coupled."""
-        return _rubbing(replace(self, sliding=replace(self.sliding, coupled=coupled)), self.rubbing)
+        return replace(self, sliding=replace(self.sliding, coupled=coupled)).with_rubbing(self.rubbing)
+
+    def with_rubbing(self, rubbing: frozenset[tuple[str, int]]) -> LinearModel:
+        """The same with these terms of friction of joints, from 0 on, and those that coupled joints share."""
+        nbody, between = self.nbody, "_" if self.is_chain else ""
+        other = replace(self, rubbing=rubbing)
+        names, units = list(self.names[:nbody]), list(self.units[:nbody])
+        for term, motor in other.columns:
+            joints = "_".join(str(joint + 1) for joint in self.sliding.motors[motor])
+            names.append(f"{_NAMES.get(term, term)}{between}{joints}")
+            units.append(_UNITS[term][motor < self.njoint and bool(self.slides[motor])])
+        expressions = (*self.expressions[:nbody], *[""] * len(other.columns))
+        return replace(other, names=tuple(names), units=tuple(units), expressions=expressions)
 
     def lacking(self, term: str) -> NDArray[np.bool_]:
         """Which joints (njoint) have no such `term` of friction."""
@@ -310,16 +323,3 @@ class LinearModel:
         own = [(term, joint) for term in self.friction for joint in self.having(term)]
         own += [(term, motor) for motor in range(self.njoint, self.sliding.nmotor) for term in shared]
         return {each: self.nbody + number for number, each in enumerate(own)}
-
-
-def _rubbing(model: LinearModel, rubbing: frozenset[tuple[str, int]]) -> LinearModel:
-    """A model with these terms of friction of joints, and those that coupled joints share."""
-    nbody, between = model.nbody, "_" if model.is_chain else ""
-    other = replace(model, rubbing=rubbing)
-    names, units = list(model.names[:nbody]), list(model.units[:nbody])
-    for term, motor in other.columns:
-        joints = "_".join(str(joint + 1) for joint in model.sliding.motors[motor])
-        names.append(f"{_NAMES.get(term, term)}{between}{joints}")
-        units.append(_UNITS[term][motor < model.njoint and bool(model.slides[motor])])
-    expressions = (*model.expressions[:nbody], *[""] * len(other.columns))
-    return replace(other, names=tuple(names), units=tuple(units), expressions=expressions)

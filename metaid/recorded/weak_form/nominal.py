@@ -130,6 +130,5 @@ def arm_model(tree: Tree) -> LinearModel:
 
 def arm_like(model: LinearModel, tree: Tree) -> LinearModel:
     """That of an arm which differs from that of a `model` in its bodies, frames or gravity alone."""
-    other = arm_model(tree).with_friction(model.friction).with_coupled(model.sliding.coupled)
-    other = other.with_still(model.sliding.still)
-    return replace(other, untrusted=model.untrusted, passive=model.passive)
+    other = replace(arm_model(tree), sliding=model.sliding, untrusted=model.untrusted, passive=model.passive)
+    return other.with_rubbing(model.rubbing)

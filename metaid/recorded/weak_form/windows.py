@@ -201,8 +201,6 @@ def loads_of(parts: Sequence[LogWindows], model: LinearModel, bodies: Array, zer
     coordinates = [part.coordinates + zeros[part.log] for part in parts]
     motion = coordinates, [part.speeds for part in parts], [part.accelerations for part in parts]
     flat = [np.concatenate([each.reshape(-1, model.njoint) for each in own]) for own in motion]
-    count = -(-flat[0].size * model.nbody // CHUNK)
-    chunks = zip(*(np.array_split(each, count) for each in flat), strict=True)
-    loads = np.concatenate([model.rigid(bodies, *chunk) for chunk in chunks])
+    loads = model.rigid(bodies, *flat)
     edges = np.cumsum([np.prod(shape[:-1]) for shape in shapes])[:-1]
     return [load.reshape(shape) for load, shape in zip(np.split(loads, edges), shapes, strict=True)]
