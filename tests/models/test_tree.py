@@ -26,3 +26,13 @@ def test_last_link_that_is_turned_moves_as_one_whose_angle_is_read_too_large() -
     needed = rigid_torque(tree, tree.parameters, angles, speeds, accelerations)
     assert np.allclose(rigid_torque(tree, turned, less, speeds, accelerations), needed, rtol=0, atol=1e-9)
     assert not np.allclose(rigid_torque(tree, tree.parameters, less, speeds, accelerations), needed, rtol=0, atol=1e-7)
+
+
+def test_torque_of_very_many_states_is_that_of_each() -> None:
+    """They are taken some thousand at a time; speeds and accelerations are broadcast to coordinates."""
+    tree = random_arm(3, 2)
+    speeds, accelerations = np.random.default_rng(0).normal(size=(2, 6_001, 3))
+    angles = np.random.default_rng(1).normal(size=(4, 6_001, 3))
+    together = rigid_torque(tree, tree.parameters, angles, speeds, accelerations)
+    each = [rigid_torque(tree, tree.parameters, own, speeds, accelerations) for own in angles]
+    np.testing.assert_allclose(together, each, rtol=0, atol=1e-12)
