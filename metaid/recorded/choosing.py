@@ -116,6 +116,7 @@ def choose(logs: Sequence[Smoothed], model: LinearModel, choices: Choices, scale
         if best.equations.delay:
             best = search.candidate(replace(best.equations, delay=0.0))
         best, at_bound = _with_delay(search, best)
+    search.by_span.clear()  # what they keep of all windows takes memory as long as the result lives
     return Chosen(best.equations, search, at_bound)
 
 

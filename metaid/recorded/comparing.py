@@ -85,6 +85,7 @@ class Search:
         folds = folds_of(logs, every[0].middles)
         self.yardstick = Yardstick(tuple(logs), folds)
         self.by_span = [replace(each, folds=folds) for each in every]
+        self._starts = STARTS if model.is_pendulum else 0
         self.tried: list[tuple[str, float]] = []
 
     def candidate(self, equations: Equations) -> Candidate:
@@ -113,7 +114,7 @@ class Search:
         for number, each in enumerate(every):
             with suppress(np.linalg.LinAlgError):
                 solved[number] = each, solve(each)
-        held = yardstick.all_judged(list(solved.values()), STARTS if self.by_span[0].model.is_pendulum else 0)
+        held = yardstick.all_judged(list(solved.values()), self._starts)
         found = dict(zip(solved, held, strict=True))
         return [_judged(each, found.get(number)) for number, each in enumerate(every)]
 
