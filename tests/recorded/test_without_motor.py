@@ -244,6 +244,14 @@ def test_files_of_a_pendulum_that_have_some_kinds_of_readings_each_are_one_log()
     assert len(metaid.estimate([released(), released()[:1200]], BELIEVED, **given).records) == 2
 
 
+def test_what_is_true_of_all_files_of_one_log_is_said_once(tmp_path: Path) -> None:
+    log, paths = swung(0)[0], [tmp_path / "angles.txt", tmp_path / "torques.txt"]
+    for path, each in zip(paths, [log.drop(columns=TORQUES), log[["time", *TORQUES]]], strict=True):
+        each.to_csv(path, sep=" ", index=False)
+    (own,) = metaid.estimate(paths, BELIEVED, zero={"1": np.pi}, **SAID).summary["logs"]
+    assert [each["text"] for each in own["repairs"]].count("columns are separated by blanks") == 1
+
+
 @pytest.mark.parametrize(
     ("torques", "message"),
     [({}, "no column 'torque_1'"), (dict.fromkeys(TORQUES, 0.0), "every torque is 0, so nothing")],

@@ -18,7 +18,7 @@ from metaid.models.lumps import Array
 from metaid.models.tree.tree import PARAMETERS, Tree
 
 BODY = 10  # of PARAMETERS, those of the link itself; the others are its joint's
-NEAR = 8_000  # states at a time, whose vectors stay in a processor's cache: of more each takes up to four times as long
+CACHED = 8_000  # states whose vectors stay in a processor's cache, of which each takes less time then
 
 
 def torque_regressor(tree: Tree, coordinates: Array, speeds: Array, accelerations: Array) -> Array:
@@ -79,9 +79,9 @@ def rigid_torque(tree: Tree, parameters: Array, coordinates: Array, speeds: Arra
         speeds: of the joints (... x njoint), in rad/s or m/s.
         accelerations: of the joints (... x njoint), in rad/s² or m/s².
     """
-    if parameters.ndim == 2 and coordinates.size > NEAR * tree.njoint:
+    if parameters.ndim == 2 and coordinates.size > CACHED * tree.njoint:
         every = [each.reshape(-1, tree.njoint) for each in np.broadcast_arrays(coordinates, speeds, accelerations)]
-        chunks = zip(*(np.array_split(each, -(-len(each) // NEAR)) for each in every), strict=True)
+        chunks = zip(*(np.array_split(each, -(-len(each) // CACHED)) for each in every), strict=True)
         return np.concatenate([rigid_torque(tree, parameters, *each) for each in chunks]).reshape(coordinates.shape)
     torque = np.broadcast_to(parameters[..., BODY] * accelerations, coordinates.shape).copy()
     links = list(_moving(tree, coordinates, speeds, accelerations))

@@ -58,7 +58,7 @@ def merged(pieces: Sequence[Understood]) -> Understood:
     if frame[[*found]].isna().any(axis=1).all():
         raise RecordError(f"{named}: no time in common with {', '.join(piece.table.name for piece in used[1:])}")
     kinds = {kind: owners[kind].kinds[kind] if kind in owners else () for kind in KINDS}
-    notes = tuple(dict.fromkeys(note for piece in used for note in piece.notes))
+    notes = tuple(note for piece in used for note in piece.notes)
     notes += (Repair("merged", len(used), f"one log of {counted(len(used), 'table')}, at the times of the angles"),)
     name = " + ".join(dict.fromkeys(Path(piece.table.name).name for piece in used))
     table = Table(name, tuple(frame.columns), lambda wanted: frame[list(wanted)])

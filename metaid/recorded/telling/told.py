@@ -110,7 +110,7 @@ class RecordedResult:
                     "rows": len(record.times),
                     "seconds": float(record.times[-1] - record.times[0]),
                     "zeros": zeros,
-                    "repairs": [asdict(repair) for repair in record.repairs],
+                    "repairs": [asdict(repair) for repair in dict.fromkeys(record.repairs)],
                 }
                 for record, zeros in zip(self.records, found.zeros.tolist(), strict=True)
             ],
