@@ -117,13 +117,14 @@ def run(scale: float) -> list[SoakResult]:
 
 
 def _enough(pool: ProcessPoolExecutor, promised: int) -> Iterator[Judged]:
-    """As many cases as are promised; those that were refused do not count."""
+    """As many cases as are promised, each told as it ends; those that were refused do not count."""
     done, numbers = 0, count()
     while done < promised:
         batch = [next(numbers) for _ in range(promised - done)]
         for each in pool.map(try_case, batch, chunksize=4):
             if each.verdict is not None:
                 done += 1
+                print(f"{done} of {promised}: {each.case.name}, {each.verdict}", *each.far, sep="; ", flush=True)
                 yield each
 
 
