@@ -55,12 +55,22 @@ def test_columns_are_understood_as_people_spell_them(how: str) -> None:
     assert kinds(record) == ["columns"]
 
 
-@pytest.mark.parametrize("what", ["current", "voltage"])
-def test_what_a_motor_is_sent_stands_for_its_torque(what: str) -> None:
+@pytest.mark.parametrize(
+    ("word", "what"), [("current", "motor currents"), ("voltage", "motor voltages"), ("u", "inputs")]
+)
+def test_what_a_motor_is_sent_stands_for_its_torque(word: str, what: str) -> None:
     """Where there is no torque, and that is said."""
-    record = read(clean().rename(columns=lambda name: name.replace("torque", what)))
+    record = read(clean().rename(columns=lambda name: name.replace("torque", word)))
     np.testing.assert_array_equal(record.torques, clean()[["torque_1", "torque_2"]])
-    assert any(repair.text.startswith(f"motor {what}s stand for torques: ") for repair in record.repairs)
+    assert any(repair.text.startswith(f"{what} stand for torques: ") for repair in record.repairs)
+
+
+def test_log_without_times_is_told_to_say_its_rate() -> None:
+    """As of a benchmark of two columns, of which the names are known."""
+    log = clean()[["angle_1", "torque_1"]].set_axis(["th", "u"], axis=1)
+    with pytest.raises(RecordError, match=r"no column 'time' among th, u .* or --rate HZ where rows are regular; or"):
+        read(log, joints=("shaft",))
+    np.testing.assert_array_equal(read(log, joints=("shaft",), rate=200.0).angles[:, 0], log["th"])
 
 
 def test_column_that_the_user_names_goes_before_one_that_is_understood() -> None:

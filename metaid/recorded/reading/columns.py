@@ -19,7 +19,18 @@ from metaid.recorded.reading.formats import Table
 from metaid.recorded.reading.mapping import KINDS, called, words_of
 from metaid.recorded.reading.readings import Repair
 from metaid.recorded.reading.times import CLOCKS, SPELLED
-from metaid.recorded.reading.words import CHANGES, KIND_OF, LAST_NUMBER, OTHERS, PLAIN, WISHED, WORDS, tokens_of
+from metaid.recorded.reading.words import (
+    CHANGES,
+    INPUTS,
+    KIND_OF,
+    LAST_NUMBER,
+    OTHERS,
+    PLAIN,
+    VOLTAGES,
+    WISHED,
+    WORDS,
+    tokens_of,
+)
 
 BESIDE_CLOCKS = ("header", "field", "host", "ros", "unix", "data", "log")
 MOST_NAMED = 3  # words of columns that may be torques, too
@@ -107,9 +118,9 @@ def understood(table: Table, joints: Sequence[str], mapping: Mapping[str, str]) 
         own_factors, told = units.converted(list(every), own_units, measured)
         factors, notes = factors | own_factors, notes + told
     if is_current and kinds["torque"]:
-        said = sorted({each for column in kinds["torque"] for each in tokens_of(column) if each in WORDS["current"]})
-        what = "voltages" if said and all(each.startswith("volt") for each in said) else "currents"
-        text = f"motor {what} stand for torques: every number is in their unit, until --scale says N m in one of it"
+        said = {each for column in kinds["torque"] for each in tokens_of(column) if each in WORDS["current"]}
+        what = "motor voltages" if said <= {*VOLTAGES} else "inputs" if said <= {*INPUTS} else "motor currents"
+        text = f"{what} stand for torques: every number is in their unit, until --scale says N m in one of it"
         notes += (Repair("currents", len(kinds["torque"]), text),)
     idle = [joint for joint, column in zip(joints, kinds["torque"], strict=False) if not column]
     if idle:

@@ -100,9 +100,10 @@ class Intake:
         strange = joints_beside("angle", table.columns) if missing == "angle" else []
         told = f"--map {strange[0]}={self.joints[0]}" if len(strange) == len(self.joints) else "--map OWN=OURS"
         of = f" of each of {len(self.joints)} joints" if len(self.joints) > 1 else ""
+        name, rate = ("time", "; or --rate HZ where rows are regular") if missing == "time" else (f"{missing}_1", "")
         raise RecordError(
-            f"{table.name}: no column '{missing if missing == 'time' else f'{missing}_1'}' among {there} (allowed: "
-            f"time,{of} angle_1, torque_1 and perhaps speed_1; or {told})"
+            f"{table.name}: no column '{name}' among {there} (allowed: time,{of} angle_1, torque_1 and perhaps speed_1"
+            f"{rate}; or {told})"
         )
 
     def _measured(self, piece: Understood) -> LogRun:

@@ -6,14 +6,15 @@ import re
 
 from metaid.recorded.reading.units import TOKENS, spaced
 
+VOLTAGES, INPUTS = ("voltage", "voltages"), ("u", "input", "inputs", "ctrl")
 WORDS = {
-    "angle": ("angle", "angles", "position", "positions", "pos", "posa", "q", "theta", "phi", "qpos"),
+    "angle": ("angle", "angles", "position", "positions", "pos", "posa", "q", "theta", "th", "phi", "qpos"),
     "speed": (
         *("speed", "speeds", "velocity", "velocities", "vel", "vela", "v"),
         *("dq", "qd", "qdot", "dtheta", "omega", "qvel"),
     ),
     "torque": ("torque", "torques", "effort", "efforts", "eff", "tau", "trq", "moment", "force", "forces"),
-    "current": ("current", "currents", "cur", "curr", "voltage", "voltages"),
+    "current": ("current", "currents", "cur", "curr", *VOLTAGES, *INPUTS),
 }
 KIND_OF = {word: kind for kind, words in WORDS.items() for word in words}
 LAST_NUMBER = re.compile(r"\d+(?!.*\d)")  # of a column of a numbered joint: the joint's
