@@ -32,7 +32,7 @@ def cut_windows(log: int, own: Smoothed, span: float) -> LogWindows | None:
         span, power = FEW * record.period, COARSE
     first, last = record.times[0], record.times[-1]
     apart = (1.0 - OVERLAP) * span
-    middles = np.arange(first + 0.5 * span, last - 0.5 * span, apart)
+    middles = _centred(record, np.arange(first + 0.5 * span, last - 0.5 * span, apart), span)
     middles = middles[~record.rests_at(middles)]
     most = float(np.clip(MOST[0] * (7.0 / record.njoint) ** 2, *MOST))
     if len(middles) > most:
@@ -68,6 +68,15 @@ def cut_windows(log: int, own: Smoothed, span: float) -> LogWindows | None:
         np.sqrt(np.median(left[is_kept], axis=0)),
         apart,
     )
+
+
+def _centred(record: LogRun, middles: Array, span: float) -> Array:
+    """The middles of windows (nwindow) of a length, in s, moved by half a period at most to where their readings are as
+    far to either side: accelerations of polynomials whose readings lie to one side are early or late.
+    """
+    begins, ends = np.searchsorted(record.times, middles + np.array([[-0.5], [0.5]]) * span)
+    inner = 0.5 * (record.times[begins] + record.times[np.maximum(ends, 1) - 1])
+    return np.asarray(middles + np.clip(inner - middles, -0.5 * record.period, 0.5 * record.period), dtype=np.float64)
 
 
 def _fitted(record: LogRun, middles: Array, span: float, power: int) -> tuple[Array, Array, NDArray[np.intp]]:
