@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from metaid.models import Array
 from metaid.models.tree import JointFriction
-from metaid.recorded.reading.readings import straight
 from metaid.recorded.weak_form.linear_model import LinearModel
-from metaid.recorded.weak_form.smoothed import Smoothed
+from metaid.recorded.weak_form.smoothed import Smoothed, mean_sent
 
 AHEAD = 0.3  # s that are simulated
 APART = 0.05  # s between two starts
@@ -35,11 +34,13 @@ class Begun:
     values: Array
     zeros: Array
 
-    def sent(self, delay: float) -> Array:
-        """The torques that act (nstart x nstep x njoint), each at the middle of a period of the grid."""
+    def sent(self, delay: float, fine: int) -> Array:
+        """The torques that act (nstart x nstep x njoint), in N m or N, `delay` in s later than they are logged, each in
+        one of so many steps of a period of the grid.
+        """
         own = self.own
-        sent = straight(own.times + 0.5 * own.period - delay, own.times, own.sent)
-        return np.asarray(sent[self.starts[:, None] + np.arange(_reach(own.period))], dtype=np.float64)
+        edges = own.period / fine * np.arange(fine * _reach(own.period) + 1) - delay
+        return mean_sent(own.record, own.times[self.starts][:, None] + edges)
 
 
 @dataclass(frozen=True)
@@ -78,7 +79,7 @@ def simulated(begun: Sequence[Begun], delay: float) -> list[Motion]:
     fine = max(1, int(np.ceil(period / STEP)))
     step, steps = period / fine, _reach(period)
     sizes = [len(each.starts) for each in begun]
-    sent = np.concatenate([each.sent(delay) for each in begun])
+    sent = np.concatenate([each.sent(delay, fine) for each in begun])
     zeros = np.repeat([each.zeros for each in begun], sizes, axis=0)
     bodies = np.repeat([each.values[:nbody] for each in begun], sizes, axis=0)
     angles = np.concatenate([each.own.coordinates[each.starts] for each in begun]) + zeros
@@ -126,15 +127,14 @@ def simulated(begun: Sequence[Begun], delay: float) -> list[Motion]:
         for torques in sent.swapaxes(0, 1):
             # without accelerations, so that nothing chatters
             rigid = dynamics(angles, speeds)[1] if "load" in rubbing.terms else rest
-            for _ in range(fine):
-                present = friction(speeds, rigid)
-                left = torques - present
-                faster = rate(angles, speeds, left, resisting(speeds, speeds, present, rigid))
-                half = angles + 0.5 * step * speeds, speeds + 0.5 * step * faster
-                faster = rate(*half, left, resisting(speeds, speeds + step * faster, present, rigid))
-                after = speeds + step * faster
-                sliding = rubbing.sliding.after(sliding, 0.5 * (speeds + after), step)
-                angles, speeds = angles + 0.5 * step * (speeds + after), after
+            present = friction(speeds, rigid)
+            left = torques - present
+            faster = rate(angles, speeds, left, resisting(speeds, speeds, present, rigid))
+            half = angles + 0.5 * step * speeds, speeds + 0.5 * step * faster
+            faster = rate(*half, left, resisting(speeds, speeds + step * faster, present, rigid))
+            after = speeds + step * faster
+            sliding = rubbing.sliding.after(sliding, 0.5 * (speeds + after), step)
+            angles, speeds = angles + 0.5 * step * (speeds + after), after
         missed = np.nan_to_num(angles - seen, nan=LOST, posinf=LOST, neginf=-LOST)
     edges = np.cumsum(sizes)[:-1]
     ended = zip(begun, np.split(np.clip(missed, -LOST, LOST), edges), np.split(constant, edges), strict=True)

@@ -49,3 +49,10 @@ def test_delay_and_inertia_are_not_those_of_windows_whose_readings_lie_to_one_si
     values = found.verdict.lumps.set_index("name")["identified"]
     assert found.summary["delay"] == pytest.approx(PERIOD, abs=PERIOD / 80)
     assert values["yy1"] == pytest.approx(INERTIA, rel=0.008)
+
+
+def test_simulations_are_under_the_torques_that_were_held_from_reading_to_reading(nominal: Path) -> None:
+    """Not under their means with those before and after: what is left is little more than the noise of the angles."""
+    log = log_of(30.0, dry=0.0, offset=0.0, seed=0)
+    found = metaid.estimate(log, nominal, rate=RATE, friction=("viscous", "coulomb"), delay=PERIOD)
+    assert found.summary["held_out"]["motion"]["angle"][0] < 4e-3

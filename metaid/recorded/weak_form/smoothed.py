@@ -207,9 +207,7 @@ def smoothed(record: LogRun) -> Smoothed:
     angles = low_pass(straight(regular, record.times, record.angles), ANGLES, record.period)
     coordinates = straight(times, regular, angles)
     speeds = np.gradient(coordinates, period, axis=0)
-    sums = np.vstack([np.zeros(record.njoint), np.cumsum(record.torques[:-1] * np.diff(record.times)[:, None], axis=0)])
-    edges = np.append(times - 0.5 * period, times[-1] + 0.5 * period)
-    sent = np.diff(straight(edges, record.times, sums), axis=0) / period
+    sent = mean_sent(record, np.append(times - 0.5 * period, times[-1] + 0.5 * period))
     sent[0], sent[-1] = record.torques[0], record.torques[-1]
     fastest: Array = np.quantile(np.abs(speeds), 0.99, axis=0)
     moves = (np.abs(speeds) > REST * fastest) & (fastest > 0.0)
@@ -225,6 +223,15 @@ def smoothed(record: LogRun) -> Smoothed:
         CUTOFFS[0],
         np.zeros(record.njoint, dtype=np.bool_),
     )
+
+
+def mean_sent(record: LogRun, edges: Array) -> Array:
+    """The means of a log's torques (... x nperiod x njoint), in N m or N, each of which holds until the next is sent,
+    between `edges` (... x nperiod + 1), in s.
+    """
+    sums = np.vstack([np.zeros(record.njoint), np.cumsum(record.torques[:-1] * np.diff(record.times)[:, None], axis=0)])
+    means = np.diff(straight(edges, record.times, sums), axis=-2) / np.diff(edges)[..., None]
+    return np.asarray(means, dtype=np.float64)
 
 
 def smoothed_together(records: Sequence[LogRun], model: LinearModel) -> tuple[Smoothed, ...]:
