@@ -14,7 +14,7 @@ import numpy as np
 
 from metaid.models import Array
 from metaid.recorded.comparing import Candidate, Search
-from metaid.recorded.friction_terms import with_friction, with_springs
+from metaid.recorded.friction_terms import with_friction, with_springs, without_needless
 from metaid.recorded.held_out import Yardstick
 from metaid.recorded.weak_form.cutting import DEGREES
 from metaid.recorded.weak_form.equations import Equations, Solution, first_equations
@@ -116,6 +116,10 @@ def choose(logs: Sequence[Smoothed], model: LinearModel, choices: Choices, scale
         if best.equations.delay:
             best = search.candidate(replace(best.equations, delay=0.0))
         best, at_bound = _with_delay(search, best)
+        if asked is None and abs(best.equations.delay) > PROMPT:
+            best = _with_friction_anew(search, best)
+    if asked is None:
+        best = without_needless(search, best)
     search.by_span.clear()  # what they keep of all windows takes memory as long as the result lives
     return Chosen(best.equations, search, at_bound)
 
@@ -160,6 +164,16 @@ def _with_delay(search: Search, best: Candidate, longest: float = np.inf) -> tup
         return best, False
     found = search.better("a delay", replace(best.equations, delay=late), best)
     return (best, False) if found is None else (found, at_bound)
+
+
+def _with_friction_anew(search: Search, best: Candidate) -> Candidate:
+    """With the friction that is worth its while once the delay is known, where that predicts better: what was taken up
+    before may have stood for the delay.
+    """
+    late = search.model(best, best.model.plain)
+    late = _best_windows(search, with_friction(search, late, None).equations)
+    late, _ = _with_delay(search, late)
+    return late if late.is_worth(best) else best
 
 
 def likely_delay(present: Equations) -> tuple[float, bool]:

@@ -67,6 +67,10 @@ class Candidate(NamedTuple):
         whole, of_joints = self.shares(before, joints)
         return before.whole > 0.0 and (whole < WORTH or (of_joints < WORTH and whole <= 1.0))
 
+    def is_no_worse(self, before: Candidate) -> bool:
+        """Whether neither all joints together nor one on average are predicted worse."""
+        return max(self.shares(before)) <= 1.0
+
 
 class Search:
     """Equations by the length of their windows (`by_span`), and how well each choice predicts."""

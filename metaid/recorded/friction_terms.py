@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from metaid.models import Array
 from metaid.models.tree import COLUMNS
 from metaid.recorded.comparing import WORTH, Candidate, Search
-from metaid.recorded.weak_form.linear_model import How, LinearModel
+from metaid.recorded.weak_form.linear_model import BASE, How, LinearModel
 
 PRESLIDING = (1e-4, 3e-4, 1e-3, 3e-3)  # rad or m, of all joints alike
 BENT = (2.0, 7.0, 20.0)  # times the speed below which dry friction is cut short, of all joints alike, and the most
@@ -63,6 +63,35 @@ def with_springs(search: Search, best: Candidate) -> Candidate:
     if found.shares(best)[0] > SPRUNG or not found.is_agreed(best):
         return best
     return search.model(best, found.model.plain)  # what was taken up may have stood for them
+
+
+def without_needless(search: Search, best: Candidate) -> Candidate:
+    """The best without the terms of friction, one after the other, without which what is left out is predicted no
+    worse: what was taken up early may have stood for something that came later.
+    """
+    fewer = list(_fewer(best.model))
+    found = search.models(best, [best.model.with_rubbing(best.model.rubbing - gone) for _, gone in fewer])
+    needless = [(each, *of) for each, of in zip(found, fewer, strict=True) if each.is_no_worse(best)]
+    for _, what, gone in sorted(needless, key=lambda each: float(np.prod(each[0].shares(best)))):
+        if gone <= best.model.rubbing:
+            less = search.model(best, best.model.with_rubbing(best.model.rubbing - gone))
+            best = search.noted(f"without {what}", less, best) if less.is_no_worse(best) else best
+    return best
+
+
+def _fewer(model: LinearModel) -> Iterator[tuple[str, frozenset[tuple[str, int]]]]:
+    """What may be left out of the friction of a model: its name, and the terms of joints that it is. Viscous and
+    Coulomb friction stay, and an offset where a spring is slack.
+    """
+    coupled = [set(pair) for pair in model.sliding.coupled]  # one motor
+    sprung = set(model.having(SPRING))
+    for term in model.friction:
+        joints = set() if term in (*BASE, SPRING) else set(model.having(term))
+        joints -= sprung if term == "offset" else set()
+        motors = [*(pair for pair in coupled if pair <= joints), *({each} for each in joints - set().union(*coupled))]
+        for some in [joints, *motors] if len(motors) > 1 else motors:
+            which = np.isin(np.arange(model.njoint), list(some))
+            yield f"{term} of {', '.join(model.named(which))}", frozenset((term, joint) for joint in some)
 
 
 def _further(model: LinearModel) -> Iterator[Further]:

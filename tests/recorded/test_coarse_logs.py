@@ -56,3 +56,10 @@ def test_simulations_are_under_the_torques_that_were_held_from_reading_to_readin
     log = log_of(30.0, dry=0.0, offset=0.0, seed=0)
     found = metaid.estimate(log, nominal, rate=RATE, friction=("viscous", "coulomb"), delay=PERIOD)
     assert found.summary["held_out"]["motion"]["angle"][0] < 4e-3
+
+
+def test_friction_that_was_chosen_before_a_delay_was_known_is_chosen_anew(nominal: Path) -> None:
+    """A torque of 25 ms ago looks like hysteresis, and hides the one that is always there."""
+    found = metaid.estimate(log_of(40.0, dry=0.22, offset=OFFSET, seed=2), nominal, rate=RATE)
+    assert found.summary["friction"]["terms"] == ["viscous", "coulomb", "offset"]
+    assert found.verdict.is_found

@@ -182,6 +182,14 @@ def test_friction_that_bends_is_followed_beside_friction_that_builds_up() -> Non
     np.testing.assert_array_equal(bent[:, [0, 2]], sharp[:, [0, 2]])
 
 
+def test_what_stood_for_hysteresis_is_left_out_once_that_is_taken_up() -> None:
+    """A root and a load, which explain some of it, and none of what was left out beside it."""
+    record = arm_log(noise=0.0, seconds=3.0)
+    found = estimated(record.with_torques(record.torques + DRY * built_up(record)), friction=None)
+    assert found.model.terms == (*BASE, "hysteresis")
+    assert {what.partition(" of ")[0] for what, _ in found.chosen.tried} >= {"without root", "without load"}
+
+
 def test_hysteresis_is_taken_up_for_the_joint_that_carries_least() -> None:
     """Of the arm's torque it is next to nothing beside what no model explains, of the last joint's it is a quarter."""
     record = arm_log(noise=0.0, seconds=4.0)
