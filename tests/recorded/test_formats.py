@@ -112,6 +112,15 @@ def test_arrays_are_read_as_tables(how: str, tmp_path: Path) -> None:
     np.testing.assert_array_equal(record.torques, usual.torques)
 
 
+def test_comments_above_a_table_may_be_many_and_look_like_names(tmp_path: Path) -> None:
+    """As units of columns, a line each."""
+    log, path = clean(), tmp_path / "run.csv"
+    units = "\n".join(f"# {column}: {unit}" for column in log.columns for unit in ("rad", "s", "N m", "m", "rad/s"))
+    path.write_text(f"# Recorded with\n#\n{units}\n#\n{log.to_csv(index=False)}")
+    assert len(units.splitlines()) > 30
+    np.testing.assert_array_equal(read(str(path)).angles, read(log).angles)
+
+
 @pytest.mark.parametrize(
     ("name", "content", "says"),
     [

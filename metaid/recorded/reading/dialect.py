@@ -11,7 +11,7 @@ from pathlib import Path
 from metaid.errors import RecordError
 
 BEGINNING = 1 << 16  # bytes that tell how a text is written
-MOST_TITLES = 20  # lines that may stand above the names of columns
+MOST_TITLES = 20  # lines that may stand above the names of columns, comments at the beginning left out
 COMMENTS = ("#", "%")  # with which a line begins that has no numbers
 NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?|[+-]?(nan|inf)", re.IGNORECASE)
 
@@ -35,21 +35,28 @@ def dialect_of(path: Path) -> Dialect:
     with path.open("rb") as file:
         begin = file.read(BEGINNING)
     encoding = _encoding(begin)
-    lines = begin.decode(encoding, errors="replace").splitlines()[: MOST_TITLES + 50]
+    lines = begin.decode(encoding, errors="replace").splitlines()
     if not any(line.strip() for line in lines):
         raise RecordError(f"{path}: not a table: no columns in it")
-    for above, line in enumerate(lines[:MOST_TITLES]):
+    commented = next((i for i, line in enumerate(lines) if line.strip() and not line.startswith(COMMENTS)), 0)
+    lines = lines[: commented + MOST_TITLES + 50]
+    for above, line in enumerate(lines[: commented + MOST_TITLES]):
         separator = _separator(line)
         names = _fields(line.lstrip("#% ") if line.startswith(COMMENTS) else line, separator)
-        below = next((other for other in lines[above + 1 :] if other.strip()), "")
+        below = next((other for other in lines[above + 1 :] if other.strip()), COMMENTS[0])
+        if below.startswith(COMMENTS):
+            continue
         # with or without an end
         counts = {len(_fields(each, separator)) for each in (below, below.rstrip(f"{separator} "))}
         if len(names) > 1 and not any(map(is_number, names)) and len(names) in counts:
             decimal = _decimal(separator, lines[above + 1 :])
             return Dialect(separator, decimal, distinct(names), above + 1, encoding)
-    first = next((i for i, line in enumerate(lines) if line.strip() and not line.startswith(COMMENTS)), 0)
-    return _nameless(lines, first, encoding) or Dialect(
-        separator := _separator(lines[first]), ".", distinct(_fields(lines[first], separator)), first + 1, encoding
+    return _nameless(lines, commented, encoding) or Dialect(
+        separator := _separator(first := lines[commented]),
+        ".",
+        distinct(_fields(first, separator)),
+        commented + 1,
+        encoding,
     )
 
 
