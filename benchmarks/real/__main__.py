@@ -5,10 +5,10 @@
 FOLDER holds clones of any of these public repositories: `double_pendulum` and `torque_limited_simple_pendulum` of
 dfki-ric-underactuated-lab (BSD-3), `dynamic_calibration` of shamilmamedov, `figaroh-examples` of thanhndv212,
 `Robot_Identification` of JonasWeigand (MIT), `inverse-dynamics-solver` of unisa-acg (BSD-3), `FloBaRoID` of kjyv
-(LGPL-3), `mujoco-sysid` of lvjonok, `FurutaPendulumRL` of EmanuelSamir, `robot_identification` of Naruton94,
-`Dynamic_Parameter_Identification_for_Rokae_xMate` of YanjunLIU-ac, `Dynamics_identification_Frank` of FrankJIE09,
-`xMate7p_dyn_ident` of NKU-ZiXuan, `MultiArm-Pendulum` of dynamicslab (MIT), `dynamic-identification` of wissem01chiha
-(MIT, at 44f47d5).
+(LGPL-3), `mujoco-sysid` of lvjonok (at b30002b), `FurutaPendulumRL` of EmanuelSamir, `robot_identification` of
+Naruton94, `Dynamic_Parameter_Identification_for_Rokae_xMate` of YanjunLIU-ac, `Dynamics_identification_Frank` of
+FrankJIE09, `xMate7p_dyn_ident` of NKU-ZiXuan, `MultiArm-Pendulum` of dynamicslab (MIT), `dynamic-identification` of
+wissem01chiha (MIT, at 44f47d5), `dyn_ident_dualArmV2` of hujinfei1994, `gym-unbalanced-disk` of GerbenBeintema.
 Nothing of them ships with metaid.
 
 The logs are turned into CSV as a user would, metaid has its defaults, and the files that it writes are measured by code
@@ -31,6 +31,7 @@ from benchmarks.common import table
 from benchmarks.real import (
     ar5,
     belt,
+    disk,
     double_pendulum,
     dual_arm,
     free_swing,
@@ -55,6 +56,7 @@ MACHINES: dict[str, tuple[str, Measure]] = {
         double_pendulum,
         simple_pendulum,
         free_swing,
+        disk,
         rotary,
         ur10e,
         ur10,

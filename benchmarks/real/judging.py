@@ -6,7 +6,7 @@ Nothing here is shared with the code that metaid estimates with.
 from __future__ import annotations
 
 import runpy
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -151,6 +151,12 @@ def simulated(model: Any, angles: Array, speeds: Array, log: Log, starts: Array,
     """Angles and speeds (nstart x njoint) after some `seconds` of MuJoCo's simulation from states (nstart x njoint) at
     times `starts` (nstart), in s, under the torques of a log.
     """
+    angles, speeds = course(model, angles, speeds, log, starts, seconds)
+    return angles[:, -1], speeds[:, -1]
+
+
+def course(model: Any, angles: Array, speeds: Array, log: Log, starts: Array, seconds: float) -> tuple[Array, Array]:
+    """The same after each step (nstart x nstep x njoint)."""
     step = float(model.opt.timestep)
     count, n = round(seconds / step), model.nv
     sent = held(log, starts[:, None] + step * np.arange(count))
@@ -159,8 +165,7 @@ def simulated(model: Any, angles: Array, speeds: Array, log: Log, starts: Array,
     initial[:, 1 : 1 + n], initial[:, 1 + n : 1 + 2 * n] = angles, speeds
     applied = int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
     states, _ = rollout.rollout(model, mujoco.MjData(model), initial, sent, control_spec=applied)
-    last = states[:, -1]
-    return np.asarray(last[:, 1 : 1 + n]), np.asarray(last[:, 1 + n : 1 + 2 * n])
+    return np.asarray(states[..., 1 : 1 + n]), np.asarray(states[..., 1 + n : 1 + 2 * n])
 
 
 def simulated_by_law(path: Path, motion: Motion, starts: NDArray[np.intp], log: Log, seconds: float) -> Array:
@@ -173,17 +178,31 @@ def simulated_by_law(path: Path, motion: Motion, starts: NDArray[np.intp], log: 
     for row, moved in enumerate(np.diff(motion.angles[: starts[-1] + 1], axis=0, prepend=motion.angles[:1])):
         slip = slide(slip, moved)
         slips[row] = slip
-    ends = []
-    for row in starts:
-        q, v, a, slip = motion.angles[row], motion.speeds[row], motion.accelerations[row], slips[row]
-        for time in motion.times[row] + LAW_STEP * np.arange(round(seconds / LAW_STEP)):
-            sent = held(log, time)
-            needed = law["inverse_dynamics"](q.tolist(), v.tolist(), a.tolist(), *([] if slip is None else [slip]))
-            a = a + np.linalg.solve(law["mass_matrix"](q.tolist()), sent - np.array(needed))
-            slip = slide(slip, LAW_STEP * (v + 0.5 * LAW_STEP * a))
-            q, v = q + LAW_STEP * (v + 0.5 * LAW_STEP * a), v + LAW_STEP * a
-        ends.append(v)
-    return np.array(ends)
+    count = round(seconds / LAW_STEP)
+    return np.array([[v for _, v in law_course(law, motion, row, log, count, slips[row])][-1] for row in starts])
+
+
+def law_course(
+    law: dict[str, Any], motion: Motion, row: int, log: Log, count: int, slip: Any = None
+) -> Iterator[tuple[Array, Array]]:
+    """Angles and speeds (njoint each) after each step of a simulation by the law in Python.
+
+    Args:
+        law: what its file defines.
+        motion: from a state of which it begins.
+        row: that of the motion.
+        log: under whose torques it moves.
+        count: of its steps.
+        slip: what the law says of pre-sliding there.
+    """
+    slide: Callable[..., Any] = law.get("slide", lambda slip, moved: None)
+    q, v, a = motion.angles[row], motion.speeds[row], motion.accelerations[row]
+    for sent in held(log, motion.times[row] + LAW_STEP * np.arange(count)):
+        needed = law["inverse_dynamics"](q.tolist(), v.tolist(), a.tolist(), *([] if slip is None else [slip]))
+        a = a + np.linalg.solve(law["mass_matrix"](q.tolist()), sent - np.array(needed))
+        slip = slide(slip, LAW_STEP * (v + 0.5 * LAW_STEP * a))
+        q, v = q + LAW_STEP * (v + 0.5 * LAW_STEP * a), v + LAW_STEP * a
+        yield q, v
 
 
 @dataclass(frozen=True)
