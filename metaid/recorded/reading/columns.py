@@ -119,7 +119,8 @@ def understood(table: Table, joints: Sequence[str], mapping: Mapping[str, str]) 
         factors, notes = factors | own_factors, notes + told
     if is_current and kinds["torque"]:
         said = {each for column in kinds["torque"] for each in tokens_of(column) if each in WORDS["current"]}
-        what = "motor voltages" if said <= {*VOLTAGES} else "inputs" if said <= {*INPUTS} else "motor currents"
+        known = {"motor voltages": VOLTAGES, "inputs": INPUTS}
+        what = next((what for what, words in known.items() if said and said <= {*words}), "motor currents")
         text = f"{what} stand for torques: every number is in their unit, until --scale says N m in one of it"
         notes += (Repair("currents", len(kinds["torque"]), text),)
     idle = [joint for joint, column in zip(joints, kinds["torque"], strict=False) if not column]
