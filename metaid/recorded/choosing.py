@@ -125,9 +125,16 @@ def choose(logs: Sequence[Smoothed], model: LinearModel, choices: Choices, scale
 
 
 def _best_windows(search: Search, like: Equations) -> Candidate:
+    """The finest windows that predict nearly as well as any. How heavy the bodies of joints without a motor are is told
+    by the torques of the others, which count beside the motion of a pendulum.
+    """
     every = search.candidates([each.with_choices_of(like) for each in search.by_span])
-    most = ALIKE * np.fmin.reduce([each.whole for each in every])
-    return next((each for each in every if each.whole <= most), every[0])
+    errors = np.array([each.whole for each in every])
+    driven = like.driven
+    if like.model.is_pendulum and like.model.passive.any() and driven.any():
+        errors *= [np.exp(np.log(np.maximum(each.by_joint[driven], 1e-300)).mean()) for each in every]
+    good = np.flatnonzero(errors <= ALIKE * np.fmin.reduce(errors))
+    return every[good[0] if len(good) else 0]
 
 
 def _with_zeros(search: Search, best: Candidate, which: str = "zeros of the encoders") -> Candidate:

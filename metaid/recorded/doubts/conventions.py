@@ -57,11 +57,10 @@ class Check:
     def _unexplained(self, values: Array) -> Array:
         model = self.equations.model
         missed, whole = np.zeros(model.njoint), np.zeros(model.njoint)
-        bodies = self.equations.scale * model.nominal
         every = zip(self.equations.parts, self.equations.left(values), self.equations.torques, strict=True)
         for part, left, torques in every:
             missed += model.trusted_alone((left**2).sum(axis=(0, 1)))
-            whole += part.whole(model, bodies, torques).sum(axis=(0, 1))
+            whole += part.whole(model, values[: model.nbody], torques).sum(axis=(0, 1))
         return np.asarray(np.sqrt(missed / np.maximum(whole, 1e-300)), dtype=np.float64)
 
     def with_scale(self) -> Check:

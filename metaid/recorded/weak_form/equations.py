@@ -19,6 +19,7 @@ from metaid.recorded.weak_form.cutting import cut_windows
 from metaid.recorded.weak_form.folds import THIRDS, Fold
 from metaid.recorded.weak_form.linear_model import LinearModel
 from metaid.recorded.weak_form.normal import ZERO, Blocks, eliminated, eliminated_covariance, prior_of, solved
+from metaid.recorded.weak_form.passive import as_accelerations, own_inertias, share_of_step
 from metaid.recorded.weak_form.smoothed import Smoothed
 from metaid.recorded.weak_form.windows import LogWindows, loads_of
 
@@ -175,12 +176,14 @@ class Equations:
             prior = prior_of(model, rows, size, self.doubt * self.scale)
             for _ in range(ROUNDS):
                 weight = np.asarray(np.linalg.inv(covariance + floor), dtype=np.float64)
-                blocks = self._blocks(rows, weight)
+                blocks, before = self._blocks(rows, values, weight), values
                 values, changes, precision = eliminated(blocks, nominal, prior, zeros, self.zeros and step > 0)
+                if model.passive.any():
+                    values = before + share_of_step(before, values, self._inertias) * (values - before)
                 left = self._left(rows, values, changes)
                 covariance = left.T @ left / len(left)
                 covariance = _apart(covariance, self.held, float(np.diag(covariance).max()))
-                covariance = _apart(self._not_shrunk(covariance, values), *unknown)
+                covariance = _apart(covariance, *unknown)
             zeros = zeros + changes
         solution = Solution(values[:nparam], precision, prior, zeros, weight)
         return solution, rows, blocks
@@ -201,18 +204,9 @@ class Equations:
         squares = [part.whole(self.model, bodies, torques).mean(axis=(0, 1)) for part, torques in every]
         return np.asarray(np.mean(squares, axis=0), dtype=np.float64)
 
-    def _not_shrunk(self, covariance: Array, values: Array) -> Array:
-        """The covariance of what is left of a torque (njoint x njoint), where in a joint without a motor errors are
-        shares of the terms that cancel: else bodies that weigh nothing would explain it best.
-        """
-        if not self.model.passive.any():
-            return covariance
-        nominal, found = (
-            self._terms(bodies) for bodies in (self.scale * self.model.nominal, values[: self.model.nbody])
-        )
-        shrunk = np.sqrt(np.maximum(nominal / np.maximum(found, 1e-12 * nominal + 1e-300), 1.0))
-        growth = np.where(self.model.passive, shrunk, 1.0)
-        return np.asarray(covariance * np.outer(growth, growth), dtype=np.float64)
+    @cached_property
+    def _inertias(self) -> Array:
+        return own_inertias(self.model, self.parts)
 
     @cached_property
     def held(self) -> NDArray[np.bool_]:
@@ -284,13 +278,16 @@ class Equations:
             together += [(number, np.flatnonzero(of_kind == kind), shared) for kind, shared in enumerate(kinds)]
         return together
 
-    def _blocks(self, rows: list[Array], weight: Array) -> Blocks:
+    def _blocks(self, rows: list[Array], values: Array, weight: Array) -> Blocks:
+        torques = self.torques
+        if self.model.passive.any():
+            rows, torques = as_accelerations(rows, torques, values, self._inertias)
         grams, moments = [], []
         root = np.linalg.cholesky(weight).T
         for number, windows, _ in self._together:
             flat = (root @ rows[number][windows]).reshape(-1, rows[number].shape[-1])
             grams.append(flat.T @ flat)
-            moments.append(flat.T @ (self.torques[number][windows] @ root.T).ravel())
+            moments.append(flat.T @ (torques[number][windows] @ root.T).ravel())
         numbers, _, shared = zip(*self._together, strict=True)
         logs = [self.parts[number].log for number in numbers]
         return Blocks(np.array(grams), np.array(moments), np.array(logs), np.array(shared))
