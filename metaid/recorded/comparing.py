@@ -21,6 +21,7 @@ from metaid.recorded.weak_form.linear_model import LinearModel
 from metaid.recorded.weak_form.smoothed import Smoothed
 
 WORTH = 0.97  # of the error: what leaves more is not taken up
+CLEARED = 0.99  # of the error that is left without a term: where that is more, the term stays
 STARTS = 24  # of simulations a fold, while something is chosen
 COVERED = 0.5  # of the time that any windows cover: where fewer rows were read, short ones have too few
 
@@ -67,9 +68,10 @@ class Candidate(NamedTuple):
         whole, of_joints = self.shares(before, joints)
         return before.whole > 0.0 and (whole < WORTH or (of_joints < WORTH and whole <= 1.0))
 
-    def is_no_worse(self, before: Candidate) -> bool:
-        """Whether neither all joints together nor one on average are predicted worse."""
-        return max(self.shares(before)) <= 1.0
+    def is_cleared(self, before: Candidate) -> bool:
+        """Whether all joints together or one on average are predicted better by CLEARED, and neither are worse."""
+        shares = self.shares(before)
+        return min(shares) < CLEARED and max(shares) <= 1.0
 
 
 class Search:

@@ -66,16 +66,16 @@ def with_springs(search: Search, best: Candidate) -> Candidate:
 
 
 def without_needless(search: Search, best: Candidate) -> Candidate:
-    """The best without the terms of friction, one after the other, without which what is left out is predicted no
-    worse: what was taken up early may have stood for something that came later.
+    """The best without the terms of friction, one after the other, without which what is left out is predicted better:
+    what was taken up early may have stood for something that came later.
     """
     fewer = list(_fewer(best.model))
     found = search.models(best, [best.model.with_rubbing(best.model.rubbing - gone) for _, gone in fewer])
-    needless = [(each, *of) for each, of in zip(found, fewer, strict=True) if each.is_no_worse(best)]
+    needless = [(each, *of) for each, of in zip(found, fewer, strict=True) if each.is_cleared(best)]
     for _, what, gone in sorted(needless, key=lambda each: float(np.prod(each[0].shares(best)))):
         if gone <= best.model.rubbing:
             less = search.model(best, best.model.with_rubbing(best.model.rubbing - gone))
-            best = search.noted(f"without {what}", less, best) if less.is_no_worse(best) else best
+            best = search.noted(f"without {what}", less, best) if less.is_cleared(best) else best
     return best
 
 
