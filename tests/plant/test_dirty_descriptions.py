@@ -220,7 +220,7 @@ def test_log_is_estimated_with_the_joints_that_are_asked_for(metaid: Callable[..
     """The whole robot's file is the nominal one; what was mended in it stands in the result."""
     path = tmp_path / "arm.urdf"
     path.write_text(robot(antenna=(-1.0, 1.0, 1.0), fore=(0.01, 0.01, 0.05)), encoding="utf-8")
-    record = log_of(read(tmp_path, robot(), joints=ARM).tree, noise=1e-5, seconds=4.0)
+    record = log_of(read(tmp_path, robot(), joints=ARM).tree, noise=1e-5, seconds=6.0)
     columns = {"time": record.times}
     for kind, values in (("angle", record.angles), ("torque", record.torques)):
         columns |= {f"{kind}_{joint + 1}": values[:, joint] for joint in range(record.njoint)}
