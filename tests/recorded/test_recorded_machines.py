@@ -157,19 +157,20 @@ def test_hysteresis_is_taken_up_where_it_predicts_what_was_left_out() -> None:
 
 @pytest.mark.parametrize("bent", [0.05, 0.0005])
 def test_speed_below_which_dry_friction_bends_is_taken_up_where_it_predicts_what_was_left_out(bent: float) -> None:
-    """As drives with soft gears and other simulators have it, and next to none where it is that."""
+    """As drives with soft gears and other simulators have it, and none where it is next to none."""
     plain = arm_log(noise=0.0)
     usual = np.sqrt((np.gradient(plain.angles, plain.period, axis=0) ** 2).mean(axis=0))
-    record = arm_log(lambda each: DRY * np.tanh(each / (bent * usual)), noise=0.0)
+    noise = 0.0 if bent > 0.01 else 1e-3  # rad
+    record = arm_log(lambda each: DRY * np.tanh(each / (bent * usual)), noise=noise)
     found, sharp, asked = (estimated(record, friction=each) for each in (None, BASE, (*BASE, "bent")))
     taken_up = found.model.sliding.bent / usual
-    assert asked.model.terms == (*BASE, "bent")
+    assert ("bent" in found.model.terms, asked.model.terms) == (bent > 0.01, (*BASE, "bent"))
     if bent > 0.01:
         np.testing.assert_allclose(taken_up, bent, rtol=0.6)
         np.testing.assert_allclose(asked.model.sliding.bent / usual, bent, rtol=0.6)
         assert found.held_out.relative < 0.5 * sharp.held_out.relative
     else:
-        assert (taken_up < 0.021).all()  # a jump between two nodes of a window is as good as one that is so wide
+        assert not taken_up.any()
 
 
 def test_friction_that_bends_is_followed_beside_friction_that_builds_up() -> None:
