@@ -87,7 +87,7 @@ def estimate(
             joint, as `{"shldr": "shoulder"}`; of logs without names of columns what all mean in their order,
             `{"column": "time,angle,speed,torque"}`.
         topic: of joint states in bags that have several.
-        rate: rows a second of logs without times.
+        rate: rows a second of logs without times, or whose times count rows.
         untrusted: joints that move, but whose torques are not used.
         reversed: joints whose angles, speeds and torques count the other way.
         order: all joints as the logs have them one after the other; by default from the base on, or by their names.

@@ -95,3 +95,39 @@ def test_angles_that_are_read_more_seldom_than_the_log_has_rows_are_read_once() 
     np.testing.assert_array_equal(record.angles, log[["angle_1", "angle_2"]][::3])
     np.testing.assert_allclose(record.speeds, log[["speed_1", "speed_2"]][::3])
     np.testing.assert_allclose(record.torques[:, 0], log["torque_1"].to_numpy().reshape(-1, 3).mean(axis=1))
+
+
+def polled(every: float, lasts: tuple[int, ...]) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """A log of 50 Hz, and how a host writes it that polls every so many s: each packet is in one of some numbers of
+    rows, one after the other, and the torques of every tenth come a row later than its angles.
+    """
+    log = clean(20.0, 50.0).round(4)
+    packets = np.repeat(np.arange(len(log)), np.resize(lasts, len(log)))
+    rows = log.iloc[packets].reset_index(drop=True).assign(time=every * np.arange(len(packets)))
+    begins = np.flatnonzero(np.diff(packets, prepend=-1))[10::10]
+    rows.loc[begins, ["torque_1", "torque_2"]] = rows.loc[begins - 1, ["torque_1", "torque_2"]].to_numpy()
+    return log, rows
+
+
+@pytest.mark.parametrize("speeds", ["as they are", "coarse", "none"])
+def test_packets_that_a_host_writes_in_more_rows_or_fewer_are_of_a_regular_clock(speeds: str) -> None:
+    """Whatever their speeds tell, and where it writes part of a packet before the rest: none is lost or there twice."""
+    log, rows = polled(0.004, (3, 6, 6))
+    names = ["speed_1", "speed_2"]
+    if speeds == "none":
+        rows = rows.drop(columns=names)
+    elif speeds == "coarse":
+        rows[names] = 1.25 * np.floor(rows[names] / 1.25)
+    record = read(rows)
+    np.testing.assert_allclose(record.angles, log[["angle_1", "angle_2"]])
+    np.testing.assert_allclose(record.times, log["time"], atol=0.003)
+    assert kinds(record) == ["repeated rows", "jitter"]
+
+
+def test_fastest_readings_tell_the_clock_of_a_log_in_which_joints_mostly_creep() -> None:
+    """Where they creep, the steps of the encoders hide when they were read."""
+    times = np.arange(0.0, 20.0, 0.02)
+    angle = np.where(times < 17.0, 0.3 * np.sin(0.5 * times), 0.3 * np.sin(8.5) + 3.0 * np.sin(4.0 * (times - 17.0)))
+    log = pd.DataFrame({"time": times + 0.004 * np.tile([0.0, 1.0], 500), "angle_1": np.round(angle / 0.005) * 0.005})
+    record = read(log.assign(torque_1=np.cos(times)), joints=("1",))
+    np.testing.assert_allclose(np.diff(record.times), 0.02, rtol=0.01)

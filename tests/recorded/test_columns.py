@@ -28,6 +28,7 @@ SPELLED: dict[str, tuple[dict[str, str], list[str]]] = {
     "cart": ({"time": "t", "angle_": "pos_", "speed_": "vel_", "torque_": "force_"}, ["cart", "pole"]),
     "files": ({"time": "time", "angle_": "posa{}.txt", "speed_": "vela{}.txt", "torque_": "trq{}.txt"}, ["1", "2"]),
     "turns": ({"time": "t", "angle_": "theta{}_rad_wrapped", "speed_": "omega", "torque_": "tau"}, ["1", "2"]),
+    "Greek": ({"time": "t", "angle_": "Alpha", "speed_": "dAlpha", "torque_": "tau"}, ["1", "2"]),
     "ROS": ({"time": "stamp", "angle_": "position_", "speed_": "velocity_", "torque_": "effort_"}, ["elbow", "hand"]),
 }
 
@@ -53,6 +54,14 @@ def test_columns_are_understood_as_people_spell_them(how: str) -> None:
     for name in ("times", "angles", "speeds", "torques"):
         np.testing.assert_allclose(getattr(record, name), getattr(usual, name), atol=1e-12)
     assert kinds(record) == ["columns"]
+
+
+def test_alpha_is_an_acceleration_beside_other_angles() -> None:
+    usual = read(clean())
+    log = clean().rename(columns={"angle_1": "theta_1", "angle_2": "theta_2"})
+    log.insert(0, "alpha_1", 9.0)
+    log.insert(0, "alpha_2", 9.0)
+    np.testing.assert_array_equal(read(log).angles, usual.angles)
 
 
 @pytest.mark.parametrize(

@@ -74,8 +74,20 @@ def test_rows_without_times_are_as_far_apart_as_the_user_says(tmp_path: Path) ->
     assert_same(record, read(clean()))
     named = read(clean().drop(columns="time"), rate=200.0)
     assert_same(named, read(clean()))
-    with pytest.raises(RecordError, match=r"frame 1: has times, in 'time' \(allowed: --rate for logs without\)"):
+    allowed = r"\(allowed: --rate for logs without, or whose times count rows\)"
+    with pytest.raises(RecordError, match=rf"frame 1: has times, in 'time' {allowed}"):
         read(clean(), rate=200.0)
+
+
+def test_times_that_count_rows_are_of_the_rate_that_the_user_says() -> None:
+    """A row that is lost is missing in its count, too."""
+    log = clean().assign(time=np.arange(1600)).drop(index=700)
+    record = read(log, rate=200.0)
+    np.testing.assert_allclose(record.times, clean().drop(index=700)["time"], atol=1e-12)
+    assert [each.text for each in record.repairs] == [
+        "time counts rows: 200 of them a second",
+        "1 row lost between others: torques hold, and long gaps are not fitted",
+    ]
 
 
 def test_files_are_read_by_what_they_are_called(tmp_path: Path) -> None:

@@ -104,3 +104,16 @@ def test_rest_that_rounding_hides_is_known_and_its_readings_are_kept() -> None:
     assert not record.rests[record.times < 4.0].any()
     np.testing.assert_array_equal(record.angles, log[["angle_1", "angle_2"]])
     assert kinds(record) == ["rest"]
+
+
+def test_speeds_without_a_sign_have_that_of_how_angles_change() -> None:
+    """Of a joint whose angle falls. One that only rises has speeds above 0 by right."""
+    log = clean()
+    rising = log["time"] + 0.1 * np.sin(log["time"])
+    log = log.assign(angle_2=rising, speed_2=1.0 + 0.1 * np.cos(log["time"]))
+    record = read(log.assign(speed_1=log["speed_1"].abs()))
+    assert record.speeds is not None
+    fast = np.abs(log["speed_1"].to_numpy()) > 0.2
+    np.testing.assert_allclose(record.speeds[fast, 0], log["speed_1"][fast])
+    np.testing.assert_allclose(record.speeds[:, 1], log["speed_2"])
+    assert [each.text for each in record.repairs] == ["speed_1 has no sign: taken from how angles change"]

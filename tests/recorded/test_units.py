@@ -141,3 +141,13 @@ def test_unit_that_a_name_says_wrongly_is_refused_by_the_speeds() -> None:
     """Angles in rad whose column says that they are in degrees."""
     with pytest.raises(RecordError, match=r"times how fast angle_1_deg changes, which looks like degrees"):
         read(clean().rename(columns={"angle_1": "angle_1_deg", "angle_2": "angle_2_deg"}))
+
+
+def test_angles_that_the_user_says_are_radians_may_be_of_many_turns() -> None:
+    """A pendulum that spins faster than any does by itself."""
+    times = np.arange(0.0, 8.0, 0.005)
+    log = clean().assign(angle_1=np.sin(times) + 70.0 * times).drop(columns=["speed_1", "speed_2"])
+    with pytest.raises(RecordError, match=r"looks like degrees .*OWN=angle:deg takes degrees, OWN=angle:rad radians\)"):
+        read(log, endless=True)
+    record = read(log, endless=True, columns={"angle": "angle:rad"})
+    np.testing.assert_allclose(record.angles[:, 0], log["angle_1"])

@@ -68,7 +68,9 @@ class LogsCommand(click.Command):
 @click.option(
     "--map", "columns", metavar="OWN=OURS", multiple=True, help="What columns are: pwm=torque, q=angle:deg, hip=1."
 )
-@click.option("--rate", type=float, metavar="HZ", hidden=True, help="Rows a second, of logs without times.")
+@click.option(
+    "--rate", type=float, metavar="HZ", hidden=True, help="Rows a second, of logs without times, or that count rows."
+)
 @click.option("--topic", metavar="NAME", hidden=True, help="Of joint states in a bag that has several.")
 @click.option("--untrusted", metavar="A,B", help="Joints that move, but whose torques are not used.")
 @click.option("--reversed", metavar="A,B", hidden=True, help="Joints that count the other way.")

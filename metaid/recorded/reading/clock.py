@@ -1,11 +1,12 @@
 """The clock of a log: jitter of a host's stamps, and packets that were lost.
 
 Readings are taken at a regular rate, and stamped when a host gets to it. Whether the stamps or a regular clock are
-truer is asked of the readings: of speeds, which tell how long each step took, else of how smooth the angles are.
+truer is asked of the readings: of how smooth the angles are, and of speeds, which tell how long each step took.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,6 +18,8 @@ from metaid.recorded.reading.readings import LogRun, counted, noise_of, resoluti
 from metaid.recorded.reading.times import rising
 
 REGULAR = 0.02  # of a period, by which steps of a regular clock may differ
+FAST = 0.9  # of the rows of a joint are slower than those by which times are judged
+AS_LITTLE = 1.1  # times the least that a clock leaves
 TRUER = 0.8  # times what the stamps leave: a clock that leaves more is no truer
 FOLLOWS = 0.01  # of the difference between stamps and clock, that the clock follows at each row
 DRIFT = 2.0  # s, over which a clock's rate may change
@@ -41,19 +44,33 @@ def on_true_clock(readings: LogRun) -> LogRun:
     if np.quantile(np.abs(steps - many * period), 0.99) <= REGULAR * period:
         return _lost(rising(readings), int(np.maximum(many - 1.0, 0.0).sum()))
     told = _told_steps(readings)
-    period = _usual_step(readings, told)
-    counts = np.nan_to_num(np.maximum(np.round(told / period), 1.0)).astype(np.intp)  # 0 where speeds do not tell
-    ticks = _ticks(readings.times, period, counts)
-    times, lost = _settled(readings.times, ticks), int((np.diff(ticks) - 1).sum())
+    nothing = np.full_like(told, np.nan)
+    period, ticks, times = _best_clock(readings, [told, nothing] if np.isfinite(told).any() else [nothing])
+    lost = int((np.diff(ticks) - 1).sum())
     jitter, seen = float(np.std(readings.times - times)), float(np.std(steps - period * np.maximum(many, 1.0)))
     if jitter > LIKELY * float(np.std(steps)) or not _left(readings, times) < TRUER * _left(readings, readings.times):
         text = (
             f"stamps jitter by {1e3 * seen:.2g} ms from row to row, and no regular clock fits the readings better: kept"
         )
         return rising(readings.repaired("jitter", 0, text) if seen > WORTH_SAYING * period else readings)
-    by = "speeds" if readings.speeds is not None else "smooth angles"
-    text = f"stamps jitter by {1e3 * jitter:.2g} ms: times of a regular clock, {1.0 / period:.4g} Hz, as {by} speak for"
+    text = f"stamps jitter by {1e3 * jitter:.2g} ms: the readings speak for a regular clock, {1.0 / period:.4g} Hz"
     return _lost(rising(replace(readings, times=times - times[0]).repaired("jitter", len(readings), text)), lost)
+
+
+def _best_clock(readings: LogRun, every_told: Sequence[Array]) -> tuple[float, NDArray[np.intp], Array]:
+    """The regular clock that leaves least of the readings: its period, in s, its ticks (nrow) and their times (nrow).
+    Of several that leave as little it is the one nearest to the stamps. Speeds that are coarse tell steps wrong, so
+    that clocks without what they have told are tried, too.
+    """
+    clocks = []
+    for period in sorted({_usual_step(readings, told) for told in every_told}):
+        for told in every_told:
+            counts = np.nan_to_num(np.maximum(np.round(told / period), 1.0)).astype(np.intp)  # 0 where nothing tells
+            ticks = _ticks(readings.times, period, counts)
+            clocks.append((period, ticks, _settled(readings.times, ticks)))
+    left = [_left(readings, times) for _, _, times in clocks]
+    least = [clock for clock, own in zip(clocks, left, strict=True) if own <= AS_LITTLE * min(left)]
+    return min(least, key=lambda clock: float(np.std(readings.times - clock[2])))
 
 
 def _lost(readings: LogRun, lost: int) -> LogRun:
@@ -140,18 +157,20 @@ def _settled(stamps: Array, ticks: NDArray[np.intp]) -> Array:
 
 
 def _left(readings: LogRun, times: Array) -> float:
-    """What these times (nrow) leave unexplained of the readings: of how far joints went in a step what their speeds do
-    not say, else of angles what a cubic through two neighbours on either side does not.
+    """What these times (nrow) leave unexplained of the readings, as a share of a usual step: of angles what a cubic
+    through two neighbours on either side does not explain, or of how far joints went in a step what their speeds do
+    not say, whichever is less. Where joints are fastest, times matter most.
     """
+    judges = [(_uneven(readings.angles, times), np.abs(np.diff(readings.angles, axis=0))[1:-2])]
     if readings.speeds is not None:
         mean = 0.5 * (readings.speeds[1:] + readings.speeds[:-1])
-        left = np.diff(readings.angles, axis=0) - mean * np.diff(times)[:, None]
-        moves = np.abs(mean)
-    else:
-        left, moves = _uneven(readings.angles, times), np.abs(np.diff(readings.angles, axis=0))[1:-2]
-    fast = moves >= np.median(moves, axis=0)
-    scale = np.maximum(np.sqrt((moves**2).mean(axis=0)), 1e-300)
-    each = [np.median(np.abs(left[fast[:, joint], joint])) / scale[joint] for joint in range(left.shape[1])]
+        said = np.abs(mean) * readings.period
+        judges.append((np.diff(readings.angles, axis=0) - mean * np.diff(times)[:, None], said))
+    each = []
+    for left, moves in judges:
+        fast = moves >= np.quantile(moves, FAST, axis=0)
+        scale = np.maximum(np.sqrt((moves**2).mean(axis=0)), 1e-300)
+        each += [np.median(np.abs(left[fast[:, joint], joint])) / scale[joint] for joint in range(left.shape[1])]
     return float(np.min(each))
 
 

@@ -18,8 +18,9 @@ from metaid.recorded.reading import units
 from metaid.recorded.reading.formats import Table
 from metaid.recorded.reading.mapping import KINDS, called, words_of
 from metaid.recorded.reading.readings import Repair
-from metaid.recorded.reading.times import CLOCKS, SPELLED
+from metaid.recorded.reading.times import CLOCKS, SPELLED, counts_rows, numeric_times
 from metaid.recorded.reading.words import (
+    ALSO_ACCELERATIONS,
     CHANGES,
     INPUTS,
     KIND_OF,
@@ -49,6 +50,7 @@ class Understood:
         notes: what was understood that is not spelled as metaid does.
         factors: by what the readings of columns are multiplied that are in units of their own.
         others: words of columns that may be torques, too, and are not read.
+        radians: columns of which the user says that they are in radians.
     """
 
     table: Table
@@ -58,6 +60,7 @@ class Understood:
     notes: tuple[Repair, ...]
     factors: dict[str, float]
     others: tuple[str, ...] = ()
+    radians: frozenset[str] = frozenset()
 
     def load(self) -> pd.DataFrame:
         """All columns that are read."""
@@ -65,10 +68,17 @@ class Understood:
         return self.table.load(list(wanted))
 
     def on_rate(self, rate: float) -> Understood:
-        """The same with so many rows a second.  Raises RecordError where it has times."""
-        if self.times:
-            raise RecordError(f"{self.table.name}: has times, in '{self.times[0]}' (allowed: --rate for logs without)")
-        return replace(self, table=self.table.on_rate(rate), times=("time",), unit="s")
+        """The same with so many rows a second.  Raises RecordError where it has times that do not count rows."""
+        if not self.times:
+            return replace(self, table=self.table.on_rate(rate), times=("time",), unit="s")
+        frame = self.table.load(list(self.times))
+        if not counts_rows(numeric_times([frame[each] for each in self.times])):
+            raise RecordError(
+                f"{self.table.name}: has times, in '{self.times[0]}' (allowed: --rate for logs without, or whose times "
+                "count rows)"
+            )
+        note = Repair("times", len(frame), f"{self.times[0]} counts rows: {rate:g} of them a second")
+        return replace(self, table=self.table.on_rate(rate, self.times[0]), unit="s", notes=(*self.notes, note))
 
 
 @dataclass(frozen=True)
@@ -127,7 +137,8 @@ def understood(table: Table, joints: Sequence[str], mapping: Mapping[str, str]) 
     if idle:
         text = f"no torque of {joints_of(idle)}: it is 0, as without a motor"
         notes += (Repair("torque", len(idle), text),)
-    return Understood(table, times, unit, kinds, (*table.notes, *notes), factors, others)
+    radians = frozenset(column for column, own_unit in said_units.items() if own_unit == units.OURS["angle"])
+    return Understood(table, times, unit, kinds, (*table.notes, *notes), factors, others, radians)
 
 
 def angles_named(table: Table, joints: Sequence[str]) -> dict[str, str]:
@@ -245,6 +256,7 @@ def _of_kind(
     for is_wished in (False, True) if kind in ("torque", "current") else (False,):
         every = [each for each in meant if each.kind == kind and (each.is_wished == is_wished or each.is_said)]
         own = [each for each in every if not each.is_said]
+        own.sort(key=lambda each: bool(ALSO_ACCELERATIONS & {*tokens_of(each.column)}))
         said = {
             (each.number or 0) - 1 if each.joint is None else each.joint: each.column for each in every if each.is_said
         }

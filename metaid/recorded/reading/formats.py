@@ -58,14 +58,18 @@ class Table:
         """Whether some `names` are those of columns, or what several columns are called but for their number."""
         return any(each in self.columns or f"{each}_1" in self.columns for each in names)
 
-    def on_rate(self, rate: float) -> Table:
-        """The same table with a column `time`, of so many rows a second."""
+    def on_rate(self, rate: float, counter: str = "time") -> Table:
+        """The same table with times in s, of so many rows a second: in the column of a `counter`, where it has one, the
+        numbers of its rows become times.
+        """
+        is_counted = counter in self.columns
 
         def load(columns: Sequence[str]) -> pd.DataFrame:
-            frame = self.load([column for column in columns if column != "time"])
-            return frame.assign(time=np.arange(len(frame)) / rate)[list(columns)]
+            frame = self.load([column for column in columns if is_counted or column != counter])
+            rows = pd.to_numeric(frame[counter], errors="coerce") if is_counted else np.arange(len(frame))
+            return frame.assign(**{counter: rows / rate})[list(columns)]
 
-        return replace(self, columns=("time", *self.columns), load=load)
+        return replace(self, columns=self.columns if is_counted else (counter, *self.columns), load=load)
 
 
 def tables_of(log: str | Path | pd.DataFrame, number: int, topic: str | None) -> list[Table]:

@@ -24,7 +24,7 @@ from metaid.recorded.reading.merging import lacking, merged, sampled_at
 from metaid.recorded.reading.nameless import called_as_file, marked, refusal
 from metaid.recorded.reading.plausible import refuse_degrees, refuse_few_rows, refuse_other_speeds
 from metaid.recorded.reading.readings import NO_READING, LogRun, counted
-from metaid.recorded.reading.repairs import rested, tamed, unwrapped, without_head, without_repeats
+from metaid.recorded.reading.repairs import rested, tamed, unwrapped, with_signs, without_head, without_repeats
 from metaid.recorded.reading.times import begins_again, in_order, in_seconds, numeric_times, runs_of
 
 MOST_NAMED = 8  # columns, in a message
@@ -44,7 +44,7 @@ class Intake:
         endless: which joints (njoint) turn without an end.
         needs_torques: whether the torques must be in it; where not, and they are missing, they are 0.
         may_swing: whether the robot is a pendulum: where no log has torques, or all are 0, it swings freely.
-        rate: rows a second of logs without times; None: logs have times.
+        rate: rows a second of logs without times, or whose times count rows; None: logs have times.
         names: by the path of a log what it is called; where there is none its file is.
     """
 
@@ -80,7 +80,7 @@ class Intake:
         if len(parts) > 1:
             text = f"the clock was set back {counted(len(parts) - 1, 'time')}: {len(parts)} runs"
             parts = [part.repaired("clock", len(parts) - 1, text) if part is parts[0] else part for part in parts]
-        runs = [run for part in parts for run in self._runs(part)]
+        runs = [run for part in parts for run in self._runs(part, piece.radians)]
         return tuple(replace(run, name=f"{name}[{i}]" if len(runs) > 1 else name) for i, run in enumerate(runs, 1))
 
     def _complete(self, every: Sequence[Understood]) -> Understood:
@@ -128,19 +128,19 @@ class Intake:
         times = numeric_times([frame[each] for each in piece.times])
         return LogRun(piece.table.name, times, angles, speeds, torques, piece.notes, names=names)
 
-    def _runs(self, readings: LogRun) -> list[LogRun]:
+    def _runs(self, readings: LogRun, radians: frozenset[str]) -> list[LogRun]:
         """The runs of a log, repaired, in the order of time, and plausible."""
         readings = in_order(_without_holes(without_head(_at_angles(readings))))
         refuse_few_rows(readings)
         readings = replace(readings, times=readings.times - readings.times[0])
-        readings = without_repeats(unwrapped(tamed(readings), self.slides))
+        readings = with_signs(without_repeats(unwrapped(tamed(readings), self.slides)))
         timed = [on_true_clock(run) for run in runs_of(readings)]
         for run in timed:
             refuse_few_rows(run)
         runs = [rested(run) for run in timed]
         moving = [run for run in runs if (np.ptp(run.angles, axis=0) > 0.0).any()] or runs
         for run in moving:
-            refuse_degrees(run, self.slides, self.endless)
+            refuse_degrees(run, self.slides, self.endless, radians)
             refuse_other_speeds(run, self.rate)
             if self.needs_torques and not self.may_swing and not run.torques.any():
                 raise RecordError(f"{run.name}: every torque is 0, so nothing says how heavy the links are")

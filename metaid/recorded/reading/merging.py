@@ -63,7 +63,8 @@ def merged(pieces: Sequence[Understood]) -> Understood:
     name = " + ".join(dict.fromkeys(Path(piece.table.name).name for piece in used))
     table = Table(name, tuple(frame.columns), lambda wanted: frame[list(wanted)])
     factors = {column: factor for piece in used for column, factor in piece.factors.items()}
-    return Understood(table, ("time",), clock.unit, kinds, notes, factors)
+    radians = frozenset().union(*(piece.radians for piece in used))
+    return Understood(table, ("time",), clock.unit, kinds, notes, factors, radians=radians)
 
 
 def _times(columns: Sequence[Sequence[pd.Series]]) -> list[Array]:

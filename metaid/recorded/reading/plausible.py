@@ -30,11 +30,21 @@ def refuse_few_rows(readings: LogRun) -> None:
         raise RecordError(f"{readings.name}: {len(readings)} rows{''.join(repeated)} (allowed: {LEAST_ROWS} or more)")
 
 
-def refuse_degrees(readings: LogRun, slides: NDArray[np.bool_], endless: NDArray[np.bool_] | bool) -> None:
-    """Raises RecordError where the angles of a joint that is none of the `slides`, nor turns `endless` (njoint each),
-    look like degrees.
+def refuse_degrees(
+    readings: LogRun, slides: NDArray[np.bool_], endless: NDArray[np.bool_] | bool, radians: frozenset[str]
+) -> None:
+    """Raises RecordError where angles look like degrees.
+
+    Args:
+        readings: what the log holds.
+        slides: which joints (njoint) are slides.
+        endless: which joints (njoint) turn without an end.
+        radians: columns that the user says are in radians.
+
+    Raises:
+        RecordError: those of a joint do, which is none of these.
     """
-    is_said = np.array([RADIANS.search(name) is not None for name in readings.names["angle"]])
+    is_said = np.array([name in radians or RADIANS.search(name) is not None for name in readings.names["angle"]])
     stride = max(1, round(0.05 / readings.period))
     moved = np.abs(readings.angles[stride:] - readings.angles[:-stride]).max(axis=0, initial=0.0)
     may_be = endless & (moved < SPINNING * stride * readings.period)
@@ -44,7 +54,7 @@ def refuse_degrees(readings: LogRun, slides: NDArray[np.bool_], endless: NDArray
         raise RecordError(
             f"{readings.name}: {readings.names['angle'][joint]} goes to {widest[joint]:.4g}, which looks like "
             f"degrees (allowed: rad, at most {MANY_TURNS:g}, or more in a column whose name says rad; --map "
-            "OWN=angle:deg takes degrees)"
+            "OWN=angle:deg takes degrees, OWN=angle:rad radians)"
         )
 
 

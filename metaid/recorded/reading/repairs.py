@@ -28,6 +28,9 @@ TURN = 2.0 * np.pi
 NEAR_A_TURN = 0.6  # rad
 FASTEST = 300.0  # rad/s: an angle that jumps faster is not an angle
 JUMP = 0.3  # rad
+MORE_ROWS = 1.5  # times the usual ones: a packet is not in more
+FALLS_IN, FALLS = 0.05, 0.05  # s; of the most that a joint goes in it: where it falls so far its speed is below 0
+TOGETHER = 0.9  # of the rows that repeat an angle: where so many repeat all readings, packets are whole
 STEPS = 3.0  # of an encoder, that a joint moves between two rows where a repeated row can be told from rest
 REST = 0.25  # s on either side in which no joint leaves what rounding and noise make
 RESOLVED, ABOVE_NOISE = 2.1, 8.0  # steps of the encoder, deviations of its noise
@@ -152,19 +155,24 @@ def unwrapped(readings: LogRun, slides: NDArray[np.bool_]) -> LogRun:
 def without_repeats(readings: LogRun) -> LogRun:
     """The same without rows that repeat all readings of the row above though the robot moves: packets that were sent,
     or written, twice. Where angles are usually read but once in several rows, a row is left of each reading, at rest as
-    well, with speeds and torques that are averages of theirs.
+    well, with speeds and torques that are averages of theirs. A new packet is seen by any of its readings, where all
+    repeat together.
     """
     others = [read for kind, read in readings.kinds.items() if kind != "angle"]
     same, moves = _repeats(readings.angles), _moves(readings.angles)
-    news = np.flatnonzero(~same)
-    lasts = np.diff(news, append=len(same))
-    moving = lasts[np.maximum.reduceat(moves, news)]
-    usual = int(np.median(moving)) if len(moving) else 1
+    alike = np.all([_repeats(read) for read in others], axis=0)
+    repeated = same & moves
+    usual = _usual_repeats(same, moves)
+    if usual > 1 and (repeated & alike).sum() > TOGETHER * repeated.sum():
+        same = _whole_packets(same & alike, usual)
+        usual = _usual_repeats(same, moves)
     if usual > 1:
-        since = np.arange(len(same)) - np.repeat(news, lasts)
-        twice = same & (moves | (since % usual > 0))
+        news = np.flatnonzero(~same)
+        lasts = np.diff(news, append=len(same))
+        since, last = np.arange(len(same)) - np.repeat(news, lasts), np.repeat(lasts, lasts)
+        twice = same & (moves | (since % usual > 0) | (last - since < 0.5 * usual))
     else:
-        twice = same & moves & np.all([_repeats(read) for read in others], axis=0)
+        twice = repeated & alike
     count, kept = int(twice.sum()), np.flatnonzero(~twice)
     if not count:
         return readings
@@ -181,6 +189,28 @@ def without_repeats(readings: LogRun) -> LogRun:
     return once.repaired("repeated rows", count, text)
 
 
+def _usual_repeats(same: NDArray[np.bool_], moves: NDArray[np.bool_]) -> int:
+    """In how many rows a packet usually is, of those that begin where the robot `moves` (nrow), where rows are the
+    `same` as the one above (nrow); without packets that nothing tells from the one before.
+    """
+    news = np.flatnonzero(~same)
+    lasts = np.diff(news, append=len(same))[np.maximum.reduceat(moves, news)]
+    return round(float(lasts[lasts <= 2.0 * np.median(lasts)].mean())) if len(lasts) else 1
+
+
+def _whole_packets(same: NDArray[np.bool_], usual: int) -> NDArray[np.bool_]:
+    """The same rows (nrow) but for those in which the rest is written of a packet that is usually in so many, where its
+    first rows have only some of its readings.
+    """
+    news = np.append(np.flatnonzero(~same), len(same))
+    whole, begins = same.copy(), 0
+    for now, following, after in zip(news[:-2], news[1:-1], news[2:], strict=True):
+        is_torn = now >= begins and following - now < 0.5 * usual and after - now <= MORE_ROWS * usual
+        if is_torn:
+            whole[following], begins = True, after
+    return whole
+
+
 def _repeats(read: Array) -> NDArray[np.bool_]:
     """Rows (nrow) whose readings (nrow x njoint) are all those of the row above."""
     return np.concatenate([[False], (read[1:] == read[:-1]).all(axis=1)])
@@ -192,6 +222,24 @@ def _moves(angles: Array) -> NDArray[np.bool_]:
     ahead, behind = np.minimum(rows + reach, rows[-1]), np.maximum(rows - reach, 0)
     steps = np.abs(angles[ahead] - angles[behind]) / (2.0 * reach)
     return np.asarray((steps > STEPS * np.maximum(resolution_of(angles), 1e-12)).any(axis=1), dtype=np.bool_)
+
+
+def with_signs(readings: LogRun) -> LogRun:
+    """The same with speeds that go as the angles do, where a log has but their size: none is below 0, though angles
+    fall.
+    """
+    if readings.speeds is None:
+        return readings
+    stride = max(1, round(FALLS_IN / readings.period))
+    moved = readings.angles[stride:] - readings.angles[:-stride]
+    falls = moved.min(axis=0, initial=0.0) < -FALLS * np.abs(moved).max(axis=0, initial=0.0)
+    unsigned = falls & (readings.speeds >= 0.0).all(axis=0) & readings.speeds.any(axis=0)
+    if not unsigned.any():
+        return readings
+    signs = np.where(unsigned, np.sign(np.gradient(readings.angles, axis=0)), 1.0)
+    where = ", ".join(readings.names["speed"][joint] for joint in np.flatnonzero(unsigned).tolist())
+    text = f"{where} {'has' if unsigned.sum() == 1 else 'have'} no sign: taken from how angles change"
+    return replace(readings, speeds=readings.speeds * signs).repaired("signs", int(unsigned.sum()), text)
 
 
 def rested(readings: LogRun) -> LogRun:

@@ -54,6 +54,12 @@ def numeric_times(columns: Sequence[pd.Series]) -> Array:
     return np.where(np.abs(times) < NO_TIME, times, np.nan)
 
 
+def counts_rows(times: Array) -> bool:
+    """Whether times (nrow) are the numbers of rows: whole, and usually one more than in the row above."""
+    finite = times[np.isfinite(times)]
+    return len(finite) > 1 and bool((finite == np.round(finite)).all() and np.median(np.diff(finite)) == 1.0)
+
+
 def in_seconds(readings: LogRun, said: str | None) -> LogRun:
     """The same with times in s from its first row on. Their usual step tells the unit, for a log of a robot has 10 Hz
     to 10 kHz; between two that are possible the speeds tell. What the column's name has `said` is taken where it is

@@ -8,7 +8,7 @@ from metaid.recorded.reading.units import TOKENS, spaced
 
 VOLTAGES, INPUTS = ("voltage", "voltages"), ("u", "input", "inputs", "ctrl")
 WORDS = {
-    "angle": ("angle", "angles", "position", "positions", "pos", "posa", "q", "theta", "th", "phi", "qpos"),
+    "angle": ("angle", "angles", "position", "positions", "pos", "posa", "q", "theta", "th", "phi", "alpha", "qpos"),
     "speed": (
         *("speed", "speeds", "velocity", "velocities", "vel", "vela", "v"),
         *("dq", "qd", "qdot", "dtheta", "omega", "qvel"),
@@ -16,6 +16,7 @@ WORDS = {
     "torque": ("torque", "torques", "effort", "efforts", "eff", "tau", "trq", "moment", "force", "forces"),
     "current": ("current", "currents", "cur", "curr", *VOLTAGES, *INPUTS),
 }
+ALSO_ACCELERATIONS = {"alpha"}  # angles where nothing else is
 KIND_OF = {word: kind for kind, words in WORDS.items() for word in words}
 LAST_NUMBER = re.compile(r"\d+(?!.*\d)")  # of a column of a numbered joint: the joint's
 CHANGES = ("dot", "d", "der", "deriv", "derivative")  # beside the word of an angle: its speed
