@@ -126,7 +126,7 @@ def test_comments_above_a_table_may_be_many_and_look_like_names(tmp_path: Path) 
     [
         ("run.npz", b"hello", "no file of NumPy's arrays: File is not a zip file"),
         ("run.mat", b"hello", "no file of MATLAB's: Mat file appears to be truncated"),
-        ("run.mat", b"MATLAB 7.3".ljust(124) + b"\x00\x02IM".ljust(400), "of MATLAB 7.3, which is not read (allowed: "),
+        ("run.mat", b"MATLAB 7.3".ljust(124) + b"\x00\x02IM".ljust(400), "no file of MATLAB's that can be read: "),
         ("run.json", b"{", "no JSON: Expecting property name"),
         ("run.mat", None, "No such file or directory (allowed: the path of a log)"),
     ],

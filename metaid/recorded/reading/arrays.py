@@ -21,6 +21,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from metaid.errors import RecordError, first_of
+from metaid.recorded.reading.matlab import matlab_arrays
 from metaid.recorded.reading.times import CLOCKS
 
 ARRAYS = (".npz", ".npy", ".mat", ".json", ".jsonl")
@@ -33,11 +34,8 @@ Named = dict[str, NDArray[Any]]
 
 def arrays_frame(path: Path) -> pd.DataFrame:
     """The frame that a file of arrays makes.  Raises RecordError where none has a row for each time."""
-    read = {".npz": _numpy, ".npy": _alone, ".mat": _matlab}.get(path.suffix, _json)
-    found = read(path)
-    while len(found) == 1 and isinstance(alone := next(iter(found.values())), dict):
-        found = alone
-    leaves = list(_leaves(found))
+    read = {".npz": _numpy, ".npy": _alone, ".mat": matlab_arrays}.get(path.suffix, _json)
+    leaves = list(_leaves(_unwrapped(read(path))))
     every = {name: each for name, each in leaves if np.isrealobj(each) and np.issubdtype(each.dtype, np.number)}
     tables = {name: np.atleast_2d(np.squeeze(each)) for name, each in every.items()}
     tables = {name: table for name, table in tables.items() if table.ndim == 2 and max(table.shape) >= FEWEST}
@@ -61,6 +59,15 @@ def arrays_frame(path: Path) -> pd.DataFrame:
     return pd.DataFrame(columns)
 
 
+def _unwrapped(found: dict[str, Any]) -> dict[str, Any]:
+    """What the one structure holds, without its name, where beside it are none but single numbers and words."""
+    inside = {name: each for name, each in found.items() if isinstance(each, dict)}
+    beside = {name: each for name, each in found.items() if name not in inside}
+    if len(inside) != 1 or any(np.size(each) >= FEWEST for each in beside.values()):
+        return found
+    return _unwrapped(beside | next(iter(inside.values())))
+
+
 def _numpy(path: Path) -> dict[str, Any]:
     found: dict[str, Any] = {}
     try:
@@ -79,19 +86,6 @@ def _alone(path: Path) -> dict[str, Any]:
         return {path.stem: np.load(path, allow_pickle=False)}
     except (ValueError, EOFError) as problem:
         raise RecordError(f"{path}: no file of a NumPy array: {problem}") from None
-
-
-def _matlab(path: Path) -> dict[str, Any]:
-    from scipy.io import loadmat, matlab  # slow to load
-
-    try:
-        with path.open("rb") as file:
-            found: dict[str, Any] = loadmat(file, simplify_cells=True)
-    except NotImplementedError:
-        raise RecordError(f"{path}: of MATLAB 7.3, which is not read (allowed: save with '-v7')") from None
-    except (matlab.MatReadError, zlib.error, TypeError, KeyError) as problem:
-        raise RecordError(f"{path}: no file of MATLAB's: {problem}") from None
-    return {name: each for name, each in found.items() if not name.startswith("__")}
 
 
 def _json(path: Path) -> dict[str, Any]:

@@ -22,8 +22,8 @@ def called(
         joints: the names of the robot's joints.
         mapping: what columns mean that the user names: `time`, or `angle_`, `speed_`, `torque_` with a joint, or one of
             these words alone for all columns that differ but in their joint; with a unit behind a colon. Or what all of
-            a word mean in their order, as `time,angle,speed,-7,torque`: one time, of each joint an angle and a speed,
-            seven that are not read, torques.
+            a word mean in their order, as `time,angle,speed,-7,torque_1`: one time, of each joint an angle and a speed,
+            seven that are not read, the torque of the first.
         log: its name, for messages.
 
     Raises:
@@ -34,7 +34,7 @@ def called(
     names = {column: column for column in columns}
     units: dict[str, str] = {}
     said: set[str] = set()
-    for own, meaning in _one_by_one(columns, joints, mapping, log):
+    for own, meaning in _one_by_one(columns, joints, mapping, log, ours):
         if meaning.partition(":")[0] not in {*ours, *KINDS} and own.partition(":")[0] in {*ours, *KINDS}:
             own, meaning = meaning, own
         meaning, _, unit = meaning.partition(":")
@@ -55,10 +55,19 @@ def called(
 
 
 def _one_by_one(
-    columns: Sequence[str], joints: Sequence[str], mapping: Mapping[str, str], log: str
+    columns: Sequence[str], joints: Sequence[str], mapping: Mapping[str, str], log: str, ours: set[str]
 ) -> Iterator[tuple[str, str]]:
-    """A column or a word, and its meaning, one after the other, whatever several mean in their order.  Raises as
-    `called`.
+    """A column or a word, and its meaning, one after the other, whatever several mean in their order.
+
+    Args:
+        columns: of the log.
+        joints: the names of the robot's joints.
+        mapping: what the user says.
+        log: its name, for messages.
+        ours: what one column may mean.
+
+    Raises:
+        RecordError: as of `called`.
     """
     for own, meaning in mapping.items():
         if "," not in meaning:
@@ -72,11 +81,12 @@ def _one_by_one(
             kind, colon, unit = part.strip().partition(":")
             if re.fullmatch(r"-\d+", kind):
                 wanted += [None] * int(kind[1:])
-            elif kind == "time" or kind in KINDS:
-                names = [kind] if kind == "time" else [f"{kind}_{joint + 1}" for joint in range(len(joints))]
+            elif kind in ours or kind in KINDS:
+                names = [kind] if kind in ours else [f"{kind}_{joint + 1}" for joint in range(len(joints))]
                 wanted += [f"{name}{colon}{unit}" for name in names]
             else:
-                raise RecordError(f"{log}: map {own}: {unknown('meaning', part, ('time', *KINDS, '-1', '-2', '…'))}")
+                every = ("time", *KINDS, f"torque_{joints[0]}", "-1", "-2", "…")
+                raise RecordError(f"{log}: map {own}: {unknown('meaning', part, every)}")
         if len(wanted) != len(found):
             raise RecordError(
                 f"{log}: map {own}: {meaning} are {len(wanted)} columns (allowed: all {len(found)}, in their order; "
