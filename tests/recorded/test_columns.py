@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -54,6 +56,37 @@ def test_columns_are_understood_as_people_spell_them(how: str) -> None:
     for name in ("times", "angles", "speeds", "torques"):
         np.testing.assert_allclose(getattr(record, name), getattr(usual, name), atol=1e-12)
     assert kinds(record) == ["columns"]
+
+
+CARTS = {
+    "position": ["position", "angle", "positionD", "angleD", "force"],
+    "letters": ["x", "theta", "x_dot", "theta_dot", "u"],
+    "units": ["x [m]", "theta [rad]", "dx [m/s]", "dtheta [rad/s]", "voltage"],
+}
+
+
+@pytest.mark.parametrize("how", CARTS)
+@pytest.mark.parametrize("slide", [0, 1])
+def test_slide_and_hinge_of_a_cart_with_a_pole_need_no_numbers(how: str, slide: int) -> None:
+    """The slide has the position and the torque, whichever of the two it is; what is beside them is left alone."""
+    ours = ["angle_1", "angle_2", "speed_1", "speed_2", "torque_1"]
+    log = clean()[["time", *ours]].set_axis(["time", *CARTS[how]], axis="columns")
+    beside = log.assign(angle_cos=0.5, target_position=9.0, angle_raw=580.0)
+    joints, slides = ("cart", "pole") if slide == 0 else ("pole", "cart"), np.arange(2) == slide
+    (record,) = every_run(replace(intake(joints), slides=slides), [beside])
+    usual = read(clean())
+    order = [0, 1] if slide == 0 else [1, 0]
+    np.testing.assert_array_equal(record.angles, usual.angles[:, order])
+    np.testing.assert_array_equal(record.speeds, usual.speeds[:, order])
+    np.testing.assert_array_equal(record.torques[:, slide], usual.torques[:, 0])
+    where = [f"{CARTS[how][number]} is of {joint}" for number, joint in zip(order, joints, strict=True)]
+    assert ", ".join(where) in [each.text for each in record.repairs]
+
+
+def test_two_positions_of_a_cart_are_not_guessed_at() -> None:
+    log = clean().rename(columns={"angle_1": "x", "angle_2": "theta"}).assign(position=1.0)
+    with pytest.raises(RecordError, match="no column 'angle_1' among time, x"):
+        every_run(replace(intake(("cart", "pole")), slides=np.array([True, False])), [log])
 
 
 def test_alpha_is_an_acceleration_beside_other_angles() -> None:

@@ -196,6 +196,13 @@ def test_motor_whose_torque_was_not_logged_is_no_joint_without_one() -> None:
     assert any("--untrusted 2 " in reason for reason in found.verdict.reasons)
 
 
+def test_motor_is_not_named_beside_a_wrong_zero_that_leaves_as_much_of_a_joint_without_one() -> None:
+    log = moved(double_pendulum, 0.0, (0.1, 0.0), 0).drop(columns="torque_2")
+    reasons = metaid.estimate(log, BELIEVED, **SAID).verdict.reasons
+    assert any("the zero of joint 1 is off by 180°" in each for each in reasons)
+    assert not any("a motor seems to move it" in each for each in reasons)
+
+
 def test_rotary_pendulum_whose_encoder_counts_the_other_way_is_named(tmp_path: Path) -> None:
     """With the option that mends it."""
     (tmp_path / "rotary.xml").write_text(ROTARY_FILE)

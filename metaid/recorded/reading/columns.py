@@ -11,10 +11,13 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from metaid.errors import RecordError, first_of, joints_of
 from metaid.recorded.reading import units
+from metaid.recorded.reading.carts import of_cart
 from metaid.recorded.reading.formats import Table
 from metaid.recorded.reading.mapping import KINDS, called, words_of
 from metaid.recorded.reading.readings import Repair
@@ -95,15 +98,28 @@ class _Meant:
     is_said: bool
 
 
-def understood(table: Table, joints: Sequence[str], mapping: Mapping[str, str]) -> Understood:
-    """Which columns of a table are what, of a robot with such `joints`; in a `mapping` the user says what columns mean,
-    as `called` has it, or how the log calls a joint.  Raises RecordError where some joints have a column of a kind and
-    others have none, or a name means nothing.
+def understood(
+    table: Table, joints: Sequence[str], slides: NDArray[np.bool_], mapping: Mapping[str, str]
+) -> Understood:
+    """Which columns of a table are what.
+
+    Args:
+        table: the table.
+        joints: the names of the robot's joints.
+        slides: which of them (njoint) are slides.
+        mapping: what the user says that columns mean, as `called` has it, or how the log calls a joint.
+
+    Raises:
+        RecordError: some joints have a column of a kind and others have none, or a name means nothing.
     """
     said_joints, said_columns = _joints_said(table, joints, mapping)
     names, said_units = called(table.columns, said_joints, said_columns, table.name)
     own_joints = _joints_called(names.values(), said_joints)
     meant = [each for column, name in names.items() if (each := _meaning(column, name, own_joints))]
+    cart = {} if any(each.kind == "angle" for each in meant) else of_cart(names, slides)
+    if cart:
+        names |= {column: name for column, name in cart.items() if names[column] == column}
+        meant = [each for column, name in names.items() if (each := _meaning(column, name, own_joints))]
     kinds, base = {}, None
     for kind in KINDS:
         kinds[kind], own = _of_kind(table, kind, meant, own_joints)
@@ -116,6 +132,10 @@ def understood(table: Table, joints: Sequence[str], mapping: Mapping[str, str]) 
     factors: dict[str, float] = {}
     others = _others(table, kinds["torque"], names, joints)
     notes = _notes(times, kinds, names, joints, base)
+    if cart:
+        which = dict(zip(kinds["angle"], joints, strict=True))
+        text = ", ".join(f"{column} is of {joint}" for column, joint in which.items())
+        notes += (Repair("columns", len(cart), text),)
     if others:
         text = f"{first_of(others, MOST_NAMED)} may be torques, too: --map {others[0]}=torque reads them instead"
         notes += (Repair("columns", len(others), text),)

@@ -67,7 +67,7 @@ class Intake:
         tables = [
             table if table.is_called(said) else recognised(table, count, self.rate, self.may_swing) for table in tables
         ]
-        pieces = [understood(table, self.joints, self.columns) for table in tables]
+        pieces = [understood(table, self.joints, self.slides, self.columns) for table in tables]
         return pieces if self.rate is None else [piece.on_rate(self.rate) for piece in pieces]
 
     def run_of(self, pieces: Sequence[Understood]) -> tuple[LogRun, ...]:
@@ -110,7 +110,8 @@ class Intake:
         """The cells of a table as numbers; where all torques are 0, those of others that may be torques and are not."""
         readings = self._numbers(piece)
         for word in piece.others if self.needs_torques and not readings.torques.any() else ():
-            other = self._numbers(understood(piece.table, self.joints, {**self.columns, word: "torque"}))
+            mapping = {**self.columns, word: "torque"}
+            other = self._numbers(understood(piece.table, self.joints, self.slides, mapping))
             if other.torques.any():
                 return other.repaired("torque", 1, f"torques are 0: {word} is read instead, as by --map {word}=torque")
         if self.may_swing and not piece.kinds["torque"]:
