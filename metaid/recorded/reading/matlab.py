@@ -43,7 +43,9 @@ def _with_objects(path: Path) -> dict[str, Any]:
         with warnings.catch_warnings(action="ignore"):
             read = load_from_mat(str(path))
     except Exception as problem:  # of many kinds, for it checks little
-        raise RecordError(f"{path}: no file of MATLAB's that can be read: {problem}") from None
+        raise RecordError(
+            f"{path}: no file of MATLAB's that can be read: {problem} (allowed: arrays, structures, timeseries, tables)"
+        ) from None
     times: list[Array] = []
     found = {name: _plain(each, times) for name, each in read.items()}
     return found if "time" in found or not times else found | {"time": times[0]}
