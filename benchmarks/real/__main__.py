@@ -8,7 +8,8 @@ dfki-ric-underactuated-lab (BSD-3), `dynamic_calibration` of shamilmamedov, `fig
 (LGPL-3), `mujoco-sysid` of lvjonok (at b30002b), `FurutaPendulumRL` of EmanuelSamir, `robot_identification` of
 Naruton94, `Dynamic_Parameter_Identification_for_Rokae_xMate` of YanjunLIU-ac, `Dynamics_identification_Frank` of
 FrankJIE09, `xMate7p_dyn_ident` of NKU-ZiXuan, `MultiArm-Pendulum` of dynamicslab (MIT), `dynamic-identification` of
-wissem01chiha (MIT, at 44f47d5), `dyn_ident_dualArmV2` of hujinfei1994, `gym-unbalanced-disk` of GerbenBeintema.
+wissem01chiha (MIT, at 44f47d5), `dyn_ident_dualArmV2` of hujinfei1994, `gym-unbalanced-disk` of GerbenBeintema,
+`pendubot_controller` of Capitan-Uncino.
 Nothing of them ships with metaid.
 
 The logs are turned into CSV as a user would, metaid has its defaults, and the files that it writes are measured by code
@@ -38,6 +39,7 @@ from benchmarks.real import (
     gen3,
     kr300,
     lwr4,
+    pendubot,
     rokae,
     rotary,
     shanghai,
@@ -58,6 +60,7 @@ MACHINES: dict[str, tuple[str, Measure]] = {
         free_swing,
         disk,
         rotary,
+        pendubot,
         ur10e,
         ur10,
         tx40,
