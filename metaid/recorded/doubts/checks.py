@@ -44,8 +44,8 @@ BOTH = 0.7  # of what one leaves: as NAMED of two at once, for there are many pa
 ALIKE = 1.15  # times what the most telling fact leaves: a fact that leaves less is told beside it
 MOSTLY = 0.5  # of the joints that tell
 FIRST, TRIED = 12, 16  # facts of which others are tried beside, and pairs that are tried on a possible model
-DRIVEN = 0.3  # of the terms that cancel in a joint without a motor, that a motor leaves beside them
-ALL_DRIVEN = 0.1  # the same where no joint has torques
+DRIVEN = 0.1  # of the terms that cancel in a joint, that a motor leaves beside them where no log has a torque
+ALONE_DRIVEN = 0.3  # the same of a joint that alone has none
 
 
 def facts_of(found: RecordedEstimate, measured: Absolute | None = None) -> tuple[Fact, ...]:
@@ -58,7 +58,7 @@ def facts_of(found: RecordedEstimate, measured: Absolute | None = None) -> tuple
     odd = odd_log(found) if found.held_out.relative > WRONG else None
     if odd is not None:
         return (odd,)
-    most = ALL_DRIVEN if found.model.is_free else DRIVEN
+    most = DRIVEN if found.model.is_free else ALONE_DRIVEN
     dead = found.model.passive & ~found.equations.held & (found.held_out.by_joint > most)
     driven = tuple(_driven(name, found.model.is_free) for name in found.model.named(dead))
     plain = first_equations(found.logs, found.model.with_friction(BESIDE))

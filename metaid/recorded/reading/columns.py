@@ -116,9 +116,10 @@ def understood(
     names, said_units = called(table.columns, said_joints, said_columns, table.name)
     own_joints = _joints_called(names.values(), said_joints)
     meant = [each for column, name in names.items() if (each := _meaning(column, name, own_joints))]
-    cart = {} if any(each.kind == "angle" for each in meant) else of_cart(names, slides)
+    unsaid = [column for column, name in names.items() if name == column]
+    cart = {} if any(each.kind == "angle" for each in meant) else of_cart(unsaid, slides)
     if cart:
-        names |= {column: name for column, name in cart.items() if names[column] == column}
+        names |= cart
         meant = [each for column, name in names.items() if (each := _meaning(column, name, own_joints))]
     kinds, base = {}, None
     for kind in KINDS:

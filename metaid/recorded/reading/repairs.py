@@ -191,11 +191,12 @@ def without_repeats(readings: LogRun) -> LogRun:
 
 def _usual_repeats(same: NDArray[np.bool_], moves: NDArray[np.bool_]) -> int:
     """In how many rows a packet usually is, of those that begin where the robot `moves` (nrow), where rows are the
-    `same` as the one above (nrow); without packets that nothing tells from the one before.
+    `same` as the one above (nrow): a mean over packets that nothing hides, where most are in several.
     """
     news = np.flatnonzero(~same)
     lasts = np.diff(news, append=len(same))[np.maximum.reduceat(moves, news)]
-    return round(float(lasts[lasts <= 2.0 * np.median(lasts)].mean())) if len(lasts) else 1
+    middle = float(np.median(lasts)) if len(lasts) else 1.0
+    return round(float(lasts[lasts <= 2.0 * middle].mean())) if middle >= 2.0 else 1
 
 
 def _whole_packets(same: NDArray[np.bool_], usual: int) -> NDArray[np.bool_]:
