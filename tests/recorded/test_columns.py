@@ -83,10 +83,16 @@ def test_slide_and_hinge_of_a_cart_with_a_pole_need_no_numbers(how: str, slide: 
     assert ", ".join(where) in [each.text for each in record.repairs]
 
 
-def test_two_positions_of_a_cart_are_not_guessed_at() -> None:
+def test_two_positions_or_speeds_of_a_cart_are_not_guessed_at() -> None:
+    """Without one speed no speed is read."""
+    cart = replace(intake(("cart", "pole")), slides=np.array([True, False]))
+    ours = ["angle_1", "angle_2", "speed_1", "speed_2", "torque_1"]
+    log = clean()[["time", *ours]].set_axis(["time", *CARTS["letters"]], axis="columns").assign(velocity=1.0)
+    (record,) = every_run(cart, [log])
+    assert record.speeds is None
     log = clean().rename(columns={"angle_1": "x", "angle_2": "theta"}).assign(position=1.0)
     with pytest.raises(RecordError, match="no column 'angle_1' among time, x"):
-        every_run(replace(intake(("cart", "pole")), slides=np.array([True, False])), [log])
+        every_run(cart, [log])
 
 
 def test_alpha_is_an_acceleration_beside_other_angles() -> None:

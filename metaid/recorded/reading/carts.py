@@ -17,8 +17,8 @@ UNITS = {*TOKENS, "rad", "s", "m", "n", "nm"}
 
 def of_cart(columns: Iterable[str], slides: NDArray[np.bool_]) -> dict[str, str]:
     """What columns are called of a robot of two joints, of which one `slides` (njoint): its position and the other's
-    angle, the speeds of both, and the one torque, which moves the slide. None where a position or an angle is not
-    there, or there twice.
+    angle, the speeds of both where each is there once, and the one torque, which moves the slide. None where a position
+    or an angle is not there, or there twice.
     """
     if sorted(slides.tolist()) != [False, True]:
         return {}
@@ -29,12 +29,15 @@ def of_cart(columns: Iterable[str], slides: NDArray[np.bool_]) -> dict[str, str]
             called.setdefault(name, []).append(column)
     if any(len(called.get(f"angle_{joint}", ())) != 1 for joint in joints):
         return {}
-    return {own[0]: name for name, own in called.items() if len(own) == 1}
+    once = {name: own[0] for name, own in called.items() if len(own) == 1}
+    speeds = [f"speed_{joint}" for joint in joints]
+    one_alone = speeds if len(once.keys() & {*speeds}) == 1 else []
+    return {column: name for name, column in once.items() if name not in one_alone}
 
 
 def _names(tokens: Sequence[str], joints: tuple[int, int]) -> Iterable[str]:
     """What a column of these words is called, of the numbers of the slide and the other."""
-    words = [each for each in tokens if each not in UNITS or each in ("x", "v")]
+    words = [each for each in tokens if each not in UNITS]
     changes = [each for each in words if each in CHANGES]
     rest = [each for each in words if each not in CHANGES]
     if len(rest) != 1 or len(changes) > 1:
