@@ -29,6 +29,8 @@ def matlab_arrays(path: Path) -> dict[str, Any]:
             found: dict[str, Any] = loadmat(file, simplify_cells=True)
     except NotImplementedError:
         return _with_objects(path)
+    except IndexError:  # of scipy 1.15, where there is no header
+        raise RecordError(f"{path}: no file of MATLAB's: Mat file appears to be truncated") from None
     except (matlab.MatReadError, zlib.error, TypeError, KeyError) as problem:
         raise RecordError(f"{path}: no file of MATLAB's: {problem}") from None
     if any(isinstance(each, matlab.MatlabOpaque) for each in found.values()):
