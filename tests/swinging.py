@@ -6,12 +6,15 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from random_arm import wrong_tree
 
 from metaid.models import Array
 from metaid.models.tree import Tree, joint_torque
 from metaid.plant import ArmPlant, load_plant
-from metaid.recorded import LogRun
+from metaid.recorded import Choices, LogRun, RecordedEstimate, arm_model, estimate_records
 
+DRY = np.array([3.0, 2.0, 1.0])  # N m, of each joint
+BASE = ("viscous", "coulomb")
 # What a test is not about is said: to choose it takes longer than all else.
 SAID: dict[str, Any] = {"friction": ("viscous", "coulomb"), "window": 0.2, "delay": 0.0}
 
@@ -66,3 +69,12 @@ def swinging_arm() -> Tree:
     plant = load_plant("spatial-three-link")
     assert isinstance(plant, ArmPlant)
     return plant.tree.with_parameters(plant.tree.parameters * np.array([1.0] * 11 + [0.0, 0.0]))
+
+
+def arm_log(extra: Callable[[Array], Array] | None = None, noise: float = 1e-5, seconds: float = 2.0) -> LogRun:
+    return log_of(swinging_arm(), noise=noise, extra=extra, seconds=seconds)
+
+
+def estimated(*records: LogRun, friction: tuple[str, ...] | None = BASE, span: float = 0.1) -> RecordedEstimate:
+    model = arm_model(wrong_tree(swinging_arm(), 0))
+    return estimate_records(records, model, Choices(span=span, friction=friction, zeros=False, delay=0.0))

@@ -136,8 +136,10 @@ def test_file_has_no_zeros_that_are_of_each_log() -> None:
     frames = [frame_of(run_with(zeros, seed)) for seed, zeros in enumerate((ZEROS, -0.5 * ZEROS), 4)]
     found = estimate(frames, "spatial-three-link", friction=["viscous"])
     assert found.estimate.turned is None
-    np.testing.assert_allclose(found.estimate.zeros, [ZEROS, -0.5 * ZEROS], atol=2e-3)
-    np.testing.assert_allclose(found.estimate.zeros[0] - found.estimate.zeros[1], 1.5 * ZEROS, atol=2e-4)
+    zeros = found.estimate.zeros
+    np.testing.assert_allclose(zeros, [ZEROS, -0.5 * ZEROS], atol=2e-3)
+    np.testing.assert_allclose(zeros[:, :2], [ZEROS[:2], -0.5 * ZEROS[:2]], atol=2e-4)
+    np.testing.assert_allclose(zeros[0] - zeros[1], 1.5 * ZEROS, atol=2e-4)
 
 
 def predicted_by(path: Path, q: Array, v: Array, a: Array) -> Array:

@@ -39,7 +39,7 @@ def matlab_arrays(path: Path) -> dict[str, Any]:
 
 
 def _with_objects(path: Path) -> dict[str, Any]:
-    with optional_packages("matlab"):
+    with optional_packages("matlab"), warnings.catch_warnings(action="ignore"):  # its import sets an option of pandas
         from matio import load_from_mat
     try:
         with warnings.catch_warnings(action="ignore"):
