@@ -20,25 +20,15 @@ from metaid.plant import fault_names
 
 TURN = 0.05  # rad that the fastest joint turns by within a delay of one standard deviation
 LEAN = 0.1  # rad: standard deviation of a tilt and of an offset
-OF_TORQUE = {
-    "viscous": 0.1,
-    "dry": 0.1,
-    "spring": 0.3,
-    "bias": 0.1,
-    "cogging": 0.05,
-}  # likewise, as shares of the plant's torque
+OF_TORQUE = {"dry": 0.1, "spring": 0.3, "bias": 0.1, "cogging": 0.05}  # likewise, as shares of the plant's torque
+OF_DRAG = 0.1  # likewise, of the torque of viscous friction at the largest speed
 CHANGES_TORQUE = ("delay", "lag", "gain", "bias", "limit")
 OF_INERTIA = 0.1  # likewise, of a rotor, as a share of the plant's largest inertia
 # Of what is above 0: what it is about, in its unit, and the standard deviation of its logarithm.
 ABOVE_ZERO = {"gain": (1.0, 0.3), "lag": (2e-3, 1.0), "presliding": (PRESLIDING, 1.0)}
 OF_LIMIT = 0.3  # the standard deviation of the logarithm of a limit
 LIMIT = 0.5  # of the torque that a joint needs: what a limit is about that nobody has seen
-NEVER_NEGATIVE = (
-    "viscous",
-    "dry",
-    "spring",
-    "rotor",
-)  # friction resists, and a spring holds what is at rest
+NEVER_NEGATIVE = ("viscous", "dry", "spring", "rotor")  # friction resists, and a spring holds what is at rest
 BEND = 1e-3  # of what may be: so close to 0 is a fault that cannot be below it
 BELOW, TRIFLE = 3.0, 1e-3  # standard deviations, and a share of what may be: a fault farther below 0 is none
 STEP = 1e-6  # in an unknown, for what the torques and a fault change by with it
@@ -123,10 +113,9 @@ class SearchedFaults:
         return {kind: values[own] for kind, own in self._places.items()}
 
     @cached_property
-    def _places(self) -> dict[str, slice]:
-        """Where the faults of each kind stand."""
-        ends = np.cumsum([len(fault_names((kind,), self.njoint, self.tilts)) for kind in self.kinds]).tolist()
-        return {kind: slice(*own) for kind, *own in zip(self.kinds, [0, *ends], ends, strict=False)}
+    def _places(self) -> dict[str, NDArray[np.bool_]]:
+        """Which faults (nfault) are of each kind."""
+        return {kind: self.are(kind) for kind in self.kinds}
 
     def joints(self, unknowns: Array) -> Joints:
         """What the joints have at these `unknowns` (nfault)."""
@@ -245,13 +234,10 @@ def searched_faults(kinds: tuple[str, ...], robot: Unknowns, start_speeds: Array
         "delay": TURN / speed,
         "tilt": LEAN,
         "offset": LEAN,
-        "viscous": OF_TORQUE["viscous"] * torque / speed,
-        "dry": OF_TORQUE["dry"] * torque,
-        "spring": OF_TORQUE["spring"] * torque,
-        "bias": OF_TORQUE["bias"] * torque,
-        "cogging": OF_TORQUE["cogging"] * torque,
+        "viscous": OF_DRAG * torque / speed,
         "limit": OF_LIMIT,
         "rotor": OF_INERTIA * float(robot.inertia.max()),
+        **{kind: share * torque for kind, share in OF_TORQUE.items()},
         **{kind: spread for kind, (_, spread) in ABOVE_ZERO.items()},
     }
     each = [scales[kind_of(name)] for name in fault_names(kinds, robot.njoint, robot.tilts)]
