@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields, replace
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,8 +26,6 @@ class Innovations(Readings):
 
     gains: tuple[Filtered, ...] = field(default=(), kw_only=True)
     least_gain: float = field(default=NOTHING, kw_only=True)
-
-    is_led: ClassVar[bool] = True
 
     @property
     def stages(self) -> int:

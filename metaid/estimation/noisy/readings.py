@@ -29,15 +29,7 @@ from metaid.estimation.noisy.polynomials import (
     polynomial_windows,
     together,
 )
-from metaid.estimation.trials import (
-    NOTHING_FURTHER,
-    Coefficients,
-    Further,
-    Joints,
-    ReadTrial,
-    Replay,
-    started,
-)
+from metaid.estimation.trials import NOTHING_FURTHER, Coefficients, Further, Joints, ReadTrial, Replay, started
 from metaid.estimation.twin import Twin, twin_of
 from metaid.estimation.unknowns import Unknowns
 from metaid.models import Array
@@ -80,7 +72,6 @@ class Readings:
     faults: SearchedFaults = field(default=NO_FAULTS, kw_only=True)
 
     stride: ClassVar[int] = STRIDE  # windows grow to twice their length at once, where that leads nowhere by less
-    is_led: ClassVar[bool] = False  # whether the readings set the twin right
 
     def __post_init__(self) -> None:
         if not any(windows.are_reached(trial.steps).any() for trial, windows in self._each):
@@ -252,16 +243,13 @@ class Readings:
         """What the faults and the sizes of further `torques` change in a trial as it is `posed`, and where of each in
         turn it stands.
         """
-        further, acted = NOTHING_FURTHER, posed.trial.torques
-        if len(posed.faults):
-            further = self.faults.further(self.trials[posed.number], posed.faults, acted)
+        further = self.faults.further(self.trials[posed.number], posed.faults, posed.trial.torques)
         is_of_torque = self.faults.is_of_torque
-        more = 0 if torques is None else len(torques)
+        first, last = np.flatnonzero(is_of_torque), np.flatnonzero(~is_of_torque)
         if torques is not None:
-            own = further.torques.reshape(*acted.shape, further.torques.shape[-1])
-            further = further._replace(torques=np.concatenate([own, np.moveaxis(torques, 0, -1)], axis=-1))
-        first = np.flatnonzero(np.append(is_of_torque, np.ones(more, dtype=np.bool_)))
-        return further, np.argsort(np.concatenate([first, np.flatnonzero(~is_of_torque)]))
+            further = further._replace(torques=np.concatenate([further.torques, np.moveaxis(torques, 0, -1)], axis=-1))
+            first = np.append(first, len(is_of_torque) + np.arange(len(torques)))
+        return further, np.argsort(np.concatenate([first, last]))
 
     def _shown(self, bare: Posed, windows: int) -> Array | None:
         """What a robot of which nothing is unknown shows in a trial on the longest of the first `windows` windows

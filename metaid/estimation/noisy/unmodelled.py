@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from metaid.estimation.estimate import Found
 from metaid.estimation.faults import GEOMETRY, Unmodelled
-from metaid.estimation.noisy.innovations import compared_at
+from metaid.estimation.noisy.innovations import Innovations, compared_at
 from metaid.estimation.noisy.readings import Readings
 from metaid.estimation.trials import ReadTrial
 from metaid.models import DEVIATIONS, SLIDING, Array
@@ -72,7 +72,7 @@ def unmodelled_forces(readings: Readings, estimate: Found) -> Iterator[Unmodelle
         last = first + len(own)
         after, step, covariance = least_squares(np.column_stack([slopes[:, :count], slopes[:, first:last]]), values)
         deviations = np.sqrt(np.diag(covariance)[count:])
-        resists = not (readings.is_led and kind in RESISTING and bool((step[count:] <= 0.0).all()))
+        resists = not (isinstance(readings, Innovations) and kind in RESISTING and bool((step[count:] <= 0.0).all()))
         matters = resists and bool((np.abs(step[:lumps]) > DEVIATIONS * estimate.deviations + TRIFLE).any())
         yield Unmodelled(
             kind=kind,
