@@ -12,14 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.compiled import Filtered, run_of, share_out, spread_of
-from metaid.estimation.trials import (
-    NOTHING_FURTHER,
-    Coefficients,
-    Further,
-    Joints,
-    ReadTrial,
-    WatchedTrial,
-)
+from metaid.estimation.trials import NOTHING_FURTHER, Coefficients, Further, Joints, ReadTrial, WatchedTrial
 from metaid.estimation.twin.driven import watch_readings
 from metaid.estimation.twin.filtered import lead
 from metaid.estimation.twin.shown import Filter, Shown, with_energies
@@ -82,11 +75,6 @@ class Twin(ABC):
     def alone(self) -> Twin:
         """The same robot, of which nothing is unknown."""
         return type(self)(self.unknowns.alone(self.point), np.empty(0))
-
-    @property
-    def _torques(self) -> Array:
-        """Forces in the kernel's coordinates, by torques of joints (njoint x njoint)."""
-        return np.asarray(np.linalg.inv(self.links).T)
 
     def watch(self, trial: WatchedTrial, windows: int, energies: bool = False) -> Shown:
         """The first so many `windows` of each push of a trial, under the same law; with `energies` and their
@@ -157,19 +145,17 @@ class Twin(ABC):
         values, slopes = np.empty((npush, n, coefficients)), np.empty((npush, n, coefficients, columns))
         followed = np.zeros(npush, dtype=np.bool_)
         settings, forces = (own, extra, trial.substeps, trial.is_continuous), self._forces(trial)
-        readings = trial.readings @ self.links.T if led is not None else np.empty((npush, 0, n))
-        gains = (
-            (np.empty((npush, 0, 2 * n, n)), np.empty((npush, 0, n, n))) if led is None else (led.gains, led.weights)
-        )
+        right = run_of(npush, 0, n, False) if led is None else led  # no reading sets it right
+        readings = trial.readings[:, : right.gains.shape[1]] @ self.links.T
 
         def run(pushes: Iterator[int]) -> None:
             room = workspace(*self.space, columns, is_continuous=trial.is_continuous)
             for push in pushes:
                 pushed, moving = (starts[push], forces[push]), (trial.timesteps[push], *settings)
-                right = readings[push], gains[0][push], gains[1][push]
+                seen = readings[push], right.gains[push], right.weights[push]
                 shown = basis[push], steps[push], room, values[push], slopes[push]
                 slopes_of = by._replace(beside=by.beside._replace(torques=further.torques_of(push, n)))
-                followed[push] = watch_readings(*pushed, balance, slopes_of, moving, right, *shown)
+                followed[push] = watch_readings(*pushed, balance, slopes_of, moving, seen, *shown)
 
         each = n * ((2 if led is None else 4) * n + coefficients) * max(columns, 1) * _stages(trial)
         share_out(run, npush, int(steps.sum()) * trial.substeps * each)
@@ -219,7 +205,7 @@ class Twin(ABC):
 
     def _forces(self, trial: ReadTrial) -> Array:
         """What was commanded at each step (npush x nstep x njoint), in the kernel's coordinates."""
-        return np.ascontiguousarray(trial.torques @ self._torques.T)
+        return np.ascontiguousarray(trial.torques @ np.linalg.inv(self.links))
 
 
 def _stages(trial: ReadTrial) -> int:
