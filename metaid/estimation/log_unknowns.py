@@ -15,17 +15,7 @@ import numpy as np
 
 from metaid.estimation.descent import NOTHING
 from metaid.estimation.estimate import Found
-from metaid.models import (
-    COARSEST,
-    DEVIATIONS,
-    Array,
-    Lumps,
-    coriolis_of,
-    half_width,
-    kind_of,
-    lump_names,
-    mass_matrix,
-)
+from metaid.models import COARSEST, DEVIATIONS, Array, Lumps, coriolis_of, half_width, kind_of, lump_names, mass_matrix
 from metaid.models.tree import MISPLACED
 
 POSES = 64  # at which a mass matrix is looked at
@@ -92,18 +82,11 @@ class LogUnknowns:
         return tuple(f"joint {i + 1}" for i in range(self.njoint))
 
     @cached_property
-    def _lengths(self) -> int:
-        """How many lengths are unknown."""
-        return self.njoint - 1 if self.lengths is None and "coriolis" in self.kinds else 0
-
-    @cached_property
     def names(self) -> list[str]:
         """Of the parameter that each unknown is the log factor of (nunknown)."""
-        names: list[str] = []
-        for kind in self.kinds:
-            own = [f"length_{i + 1}" for i in range(self._lengths)] if kind == "coriolis" else []
-            names += own or ([] if kind == "coriolis" else lump_names(self.njoint, (kind,)))
-        return names
+        lengths = [f"length_{link}" for link in range(1, self.njoint)] if self.lengths is None else []
+        each = (lengths if kind == "coriolis" else lump_names(self.njoint, (kind,)) for kind in self.kinds)
+        return [name for own in each for name in own]
 
     @cached_property
     def columns(self) -> Columns:
