@@ -18,14 +18,7 @@ from metaid.estimation.approximation import Approximation, HeldOutPushes, Predic
 from metaid.estimation.base_unknowns import ArmEstimate, BaseUnknowns
 from metaid.estimation.descent import FARTHEST, Residuals, descend, place_at
 from metaid.estimation.estimate import Found
-from metaid.estimation.faults import (
-    FoundFaults,
-    Proposal,
-    SearchedFaults,
-    TakenUp,
-    Unmodelled,
-    searched_faults,
-)
+from metaid.estimation.faults import FoundFaults, Proposal, SearchedFaults, TakenUp, Unmodelled, searched_faults
 from metaid.estimation.fit import fit, starting_points
 from metaid.estimation.log_unknowns import Estimate, LogUnknowns
 from metaid.estimation.trials import Replay, WatchedTrial, upright

@@ -101,9 +101,7 @@ def _extrema(
     misses = tuple(each[~is_top] for each in extrema)
     yield MISS, misses, misses[0] + 1
     tops = tuple(each[is_top] for each in extrema)
-    before: NDArray[np.int64] = (
-        np.cumsum(crossed, axis=0) - crossed
-    )  # how often each joint has crossed before each step
+    before: NDArray[np.int64] = np.cumsum(crossed, axis=0) - crossed  # how often a joint has crossed before each step
     highest, order = np.full((before.max() + 1, *crossed.shape[1:]), -1), np.argsort(height[tops])
     highest[before[tops][order], tops[1][order], tops[2][order]] = tops[0][order]
     step, *own = np.nonzero(crossed)

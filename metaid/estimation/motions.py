@@ -63,7 +63,7 @@ class Motions(WatchedTrials):
     explained_below: ClassVar[float] = EXPLAINED
 
     def __post_init__(self) -> None:
-        if not self.trials or not any(trial.windows.seen.any() for trial in self.trials):
+        if not any(trial.windows.seen.any() for trial in self.trials):
             raise ValueError("no push of any trial was seen to the end of its shortest window: nothing to compare")
 
     @property
