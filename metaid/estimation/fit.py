@@ -79,22 +79,19 @@ def fit(
     found = found or _found(comparison, begun(comparison, start), restarts, explains)
     if found is None:
         return None
-    place, robot, faults = found.place, comparison.unknowns, None
+    place, robot = found.place, comparison.unknowns
     covariance, count = covariance_at(place, comparison.spreads), len(robot.names)  # Eq. 27
-    if comparison.faults.names:
-        unknowns, variances = place.point[count : len(covariance)], np.diag(covariance)[count:]
-        faults = found_faults(comparison.faults, unknowns, np.sqrt(variances))
     return robot.estimated(
         names=tuple(robot.names),
         unknowns=place.point[:count],
         covariance=covariance[:count, :count],
         cost=place.cost,
-        misfit=found.place.residuals.misfit,
+        misfit=place.residuals.misfit,
         explained_below=comparison.explained_below,
         iterations=found.iterations,
         residuals=comparison.by_joint(place.point),
         extras=place.point[len(covariance) :],
-        faults=faults,
+        faults=found_faults(comparison.faults, place.point, covariance),
     )
 
 

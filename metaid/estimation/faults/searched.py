@@ -244,12 +244,19 @@ def searched_faults(kinds: tuple[str, ...], robot: Unknowns, start_speeds: Array
     return SearchedFaults(kinds, robot.njoint, np.array(each), robot.tilts, teeth=teeth, limits=LIMIT * torques)
 
 
-def found_faults(searched: SearchedFaults, unknowns: Array, deviations: Array) -> FoundFaults:
-    """The faults at these `unknowns` (nfault) of a fit, whose standard `deviations` (nfault) were 1 beforehand."""
+def found_faults(searched: SearchedFaults, point: Array, covariance: Array) -> FoundFaults | None:
+    """The faults at a `point` of a fit, by the `covariance` of the unknowns of all pushes (nunknown x nunknown): those
+    of the faults, whose standard deviations were 1 beforehand, are the last of them. None where none were searched.
+    """
+    if not searched.names:
+        return None
+    count = len(covariance)
+    own = slice(count - len(searched.names), count)
+    unknowns, deviations = point[own], np.sqrt(np.diag(covariance)[own])
     values, scales = searched.values(unknowns), np.where(searched.is_left_out, np.nan, searched.scales)
-    own = np.where(searched.is_left_out, np.nan, searched.deviations(unknowns, deviations))
-    determined = np.where(searched.about > 0.0, deviations, own / scales) <= DETERMINED
-    return FoundFaults(searched, values, own, unknowns, determined)
+    reach = np.where(searched.is_left_out, np.nan, searched.deviations(unknowns, deviations))
+    determined = np.where(searched.about > 0.0, deviations, reach / scales) <= DETERMINED
+    return FoundFaults(searched, values, reach, unknowns, determined)
 
 
 def late(torques: Array, steps: float) -> tuple[Array, Array]:

@@ -31,9 +31,6 @@ def as_possible(readings: Readings, estimate: Found) -> Found:
     moved = place_at(compared, estimate.point + np.concatenate([step, following]), compared.stages)
     if moved is None:
         return estimate
-    faults, start = estimate.faults, moved.point[: len(step)]
-    if faults is not None:
-        faults = found_faults(faults.searched, start[count:], np.sqrt(np.diag(covariance))[count:])
     found = replace(
         estimate,
         unknowns=nearest,
@@ -41,6 +38,6 @@ def as_possible(readings: Readings, estimate: Found) -> Found:
         misfit=moved.residuals.misfit,
         residuals=compared.by_joint(moved.point),
         extras=moved.point[len(step) :],
-        faults=faults,
+        faults=found_faults(compared.faults, moved.point, covariance),
     )
     return found if estimate.led_misfit is None else not_led(readings, found, moved.point)

@@ -134,12 +134,13 @@ class Combining:
         if found.faults is None or kept is None:
             return None
         searched, unknowns = found.faults.searched.unbounded(found.faults.unknowns)
-        kept, count = replace(kept, faults=searched), len(found.unknowns)
+        kept = replace(kept, faults=searched)
         place = place_at(kept, np.concatenate([found.unknowns, unknowns, found.extras]), kept.stages)
         if place is None:
             return None
         covariance = covariance_at(place, kept.spreads)
-        return found_faults(searched, unknowns, np.sqrt(np.diag(covariance))[count:]), covariance
+        faults = found_faults(searched, place.point, covariance)
+        return None if faults is None else (faults, covariance)
 
     @property
     def swapped(self) -> Combining:
