@@ -77,11 +77,6 @@ class HeldOutPushes:
         """
         return self.misfit <= BETTER * self.nominal or self.ratio > SURE
 
-    @property
-    def deviations(self) -> Array:
-        """Standard deviation of each unknown (nunknown) by repetition: the jackknife over the parts."""
-        return jackknife(self.unknowns)
-
 
 @dataclass(frozen=True)
 class Approximation:
@@ -115,7 +110,7 @@ class Approximation:
 
         Eq. 39.
         """
-        repeated = self._reach * self.held_out.deviations[: len(self.own)]
+        repeated = self._reach * jackknife(self.held_out.unknowns)[: len(self.own)]
         return np.asarray(np.sqrt((self.widening * self.own) ** 2 + repeated**2 + self.shift**2))
 
     @property

@@ -50,11 +50,6 @@ class WatchedTrial:
         """Of the joints (npush x njoint) right after each push."""
         return self.starts[:, 1]
 
-    @property
-    def last(self) -> NDArray[np.int64]:
-        """For how many steps each push was seen (npush), in whole windows."""
-        return np.append(0, self.ends)[self.windows.seen]
-
     def seen(self, windows: int) -> NDArray[np.bool_]:
         """Which of the first `windows` windows of each push were seen (npush x nwindow)."""
         return np.arange(min(windows, len(self.ends))) < self.windows.seen[:, None]

@@ -107,7 +107,8 @@ class Twin(ABC):
         """Joint coordinates after so many `steps` of each push of a trial (npush x nsteps x njoint), under the same
         law, and whether the push was seen so far and the twin got there (npush x nsteps).
         """
-        motion = self.alone.follow(trial, steps, (steps <= trial.last[:, None]).sum(axis=1))
+        last = np.append(0, trial.ends)[trial.windows.seen]
+        motion = self.alone.follow(trial, steps, (steps <= last[:, None]).sum(axis=1))
         return motion.angles, np.arange(len(steps)) < motion.reached[:, None]
 
     def drive(
