@@ -20,25 +20,21 @@ class QuickArm:
     parameters: Array
 
     @cached_property
-    def _frames(self) -> Frames:
-        return frames_of(self.tree)
-
-    @cached_property
-    def _space(self) -> Space:
-        return new_space(self.tree.njoint)
+    def _room(self) -> tuple[Frames, Space]:
+        return frames_of(self.tree), new_space(self.tree.njoint)
 
     def inverse_dynamics(self, angles: Array, speeds: Array, accelerations: Array) -> Array:
         """The torque (njoint), in N m or N, that gives the joints these accelerations (njoint), in rad/s² or m/s², at
         these coordinates and speeds (njoint each).  Eq. 52.
         """
-        torque = np.empty(len(angles))
-        accelerating_torques(self._frames, self.parameters, angles, speeds, accelerations, self._space, torque)
+        (frames, space), torque = self._room, np.empty(len(angles))
+        accelerating_torques(frames, self.parameters, angles, speeds, accelerations, space, torque)
         return torque
 
     def mass_matrix(self, angles: Array) -> Array:
         """The mass matrix (njoint x njoint), in kg m² (kg m and kg where joints are slides), rotors included."""
-        still = np.zeros(len(angles))
+        (frames, space), still = self._room, np.zeros(len(angles))
         self.inverse_dynamics(angles, still, still)  # places the links
-        fill_mass_matrix(self._frames, self.parameters, self._space)
-        lower = np.tril(self._space.mass_matrix)
+        fill_mass_matrix(frames, self.parameters, space)
+        lower = np.tril(space.mass_matrix)
         return np.asarray(lower + np.tril(lower, -1).T, dtype=np.float64)
