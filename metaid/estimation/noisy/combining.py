@@ -4,8 +4,7 @@ A twin without them loses the plant, and where it is lost nothing can be told. S
 torques had noise of unknown size: what the model has not shows as that noise. A fault is taken up where it makes
 pushes that were left out more likely, by LEAST at least. In each round all are tried that are not taken up yet, and the
 best stays; where one of them does not explain all, all at once are tried, for several may hide each other. At the end
-each is tried without. What no plant has, friction that drives or a spring that pushes away, is
-not tried.
+each is tried without. What no plant has, friction that drives or a spring that pushes away, is not tried.
 """
 
 from __future__ import annotations
@@ -19,6 +18,7 @@ from metaid.estimation.estimate import Found
 from metaid.estimation.faults import FoundFaults
 from metaid.estimation.noisy.readings import Readings
 from metaid.estimation.noisy.tried import NOTHING, Combining, Tried, combining_of, farthest_moved
+from metaid.estimation.noisy.unmodelled import FAULT_OF
 from metaid.models import DEVIATIONS, Array
 
 # What goes as one: the angle over which friction builds up is nothing without friction. An arm has that by itself.
@@ -40,7 +40,7 @@ SCANNED = (("limit",),)  # begins where it shows
 LATE = (("cogging",),)  # how often it repeats is seen where little else is left
 # What is tried as one, too: without the other each may stand for both.
 TOGETHER = (("viscous", "dry", "presliding"), ("spring", "bias"))
-LUMP_OF = {"viscous": "damping", "dry": "coulomb", "rotor": "rotor"}  # what is searched already is not tried
+LUMP_OF = {fault: lump for lump, fault in FAULT_OF.items()}  # what is searched already is not tried
 TWOFOLD = {"offset": "tilt", "lag": "delay"}  # what is the other, but for little, which is simpler
 OF_SEVERAL = {"offset", "rotor", "gain"}  # of one joint these are nothing, or a tilt
 LEAST = 10.0  # in the logarithm of a likelihood

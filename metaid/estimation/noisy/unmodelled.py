@@ -18,15 +18,13 @@ from metaid.estimation.faults import GEOMETRY, Unmodelled
 from metaid.estimation.noisy.innovations import Innovations, compared_at
 from metaid.estimation.noisy.readings import Readings
 from metaid.estimation.trials import ReadTrial
-from metaid.models import DEVIATIONS, SLIDING, Array
+from metaid.models import DEVIATIONS, FRICTION, SLIDING, Array
 
 CHANCE = 6.0  # standard deviations above what noise alone gains: it does not gain as much by chance
 LEAST_GAIN = 15.0  # for the tails of so many forces and joints
 SELDOM = 3.5  # standard deviations above that: noise alone gains as much once in a hundred times
 TRIFLE = 1e-3  # of a lump: a force that moves none by more does no harm
 RANK = 1e-12  # of the largest singular value; a smaller one is rounding
-# A filter is linear about the twin that it leads, and what it leaves out looks like joints that push by a little.
-RESISTING = ("damping", "coulomb")
 STICTION = "stiction"
 NEAR_REST = 0.1  # rad/s or m/s: faster joints have none
 SHIFT = 1e-5  # m or rad, for the derivative by where a joint is
@@ -72,7 +70,8 @@ def unmodelled_forces(readings: Readings, estimate: Found) -> Iterator[Unmodelle
         last = first + len(own)
         after, step, covariance = least_squares(np.column_stack([slopes[:, :count], slopes[:, first:last]]), values)
         deviations = np.sqrt(np.diag(covariance)[count:])
-        resists = not (isinstance(readings, Innovations) and kind in RESISTING and bool((step[count:] <= 0.0).all()))
+        # A filter is linear about the twin that it leads: what that leaves out looks like joints that push a little.
+        resists = not (isinstance(readings, Innovations) and kind in FRICTION and bool((step[count:] <= 0.0).all()))
         matters = resists and bool((np.abs(step[:lumps]) > DEVIATIONS * estimate.deviations + TRIFLE).any())
         yield Unmodelled(
             kind=kind,
