@@ -93,8 +93,7 @@ class Motions(WatchedTrials):
                 parts.append(self._of_speeds(trial, motion, seen))
             if self.compared != "speed":
                 parts.append(self._of_frequencies(trial, motion, seen))
-        values = np.concatenate([part[0] for part in parts])
-        slopes = np.vstack([part[1] for part in parts])
+        values, slopes = (np.concatenate(each) for each in zip(*parts, strict=True))
         cost = 0.5 * float(values @ values)
         return Residuals(values, slopes, cost, len(values), np.empty((0, 1 + len(point))))
 

@@ -145,5 +145,5 @@ def squares_of(compared: Readings, unknowns: Array) -> tuple[float, int]:
         if residuals is None:
             break
         least, seen = min(least, 2.0 * residuals.cost), residuals.count
-        point[len(unknowns) :] += residuals.following[:, 0] if compared.extras else 0.0
+        point[len(unknowns) :] += residuals.following[:, 0]
     return least, seen

@@ -27,7 +27,7 @@ def as_possible(readings: Readings, estimate: Found) -> Found:
         return estimate
     covariance = covariance_at(place, compared.spreads)
     step = covariance[:, :count] @ np.linalg.solve(covariance[:count, :count], nearest - estimate.unknowns)
-    following = place.residuals.following @ np.append(1.0, step) if compared.extras else np.empty(0)
+    following = place.residuals.following @ np.append(1.0, step)
     moved = place_at(compared, estimate.point + np.concatenate([step, following]), compared.stages)
     if moved is None:
         return estimate

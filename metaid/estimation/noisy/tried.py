@@ -177,8 +177,8 @@ class Combining:
     def _left_by(self, before: Tried, kept: Innovations, faults: SearchedFaults) -> float:
         """The cost that one Gauss-Newton step from the fit `before` leaves with `faults`, each unknown for one."""
         faulty = replace(kept, faults=faults)
-        extras = before.found.extras if faulty.extras else np.empty(0)
-        place = place_at(faulty, np.concatenate([begin_with(before.found, faults), extras]), faulty.stages)
+        point = np.concatenate([begin_with(before.found, faults), before.found.extras])
+        place = place_at(faulty, point, faulty.stages)
         if place is None:
             return np.inf
         _, target = triangle(place, faulty.spreads)
