@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from metaid.compiled import Filtered, share_out
 from metaid.estimation.descent import Residuals
-from metaid.estimation.faults import NO_FAULTS, SearchedFaults, searched_faults
+from metaid.estimation.faults import NO_FAULTS, SearchedFaults
 from metaid.estimation.noisy.polynomials import (
     POLYNOMIALS,
     STRIDE,
@@ -105,10 +105,6 @@ class Readings:
     def extras(self) -> int:
         """How many unknowns concern one push alone: start speeds, and coordinates."""
         return sum(trial.extras for trial in self.trials)
-
-    def search(self, kinds: tuple[str, ...]) -> SearchedFaults:
-        """Faults of these `kinds` as unknowns."""
-        return searched_faults(kinds, self.unknowns, self.trials[0].start_speeds, self.faults.teeth)
 
     @property
     def some_torque(self) -> Array:

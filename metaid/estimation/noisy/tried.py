@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from metaid.estimation.descent import covariance_at, place_at, triangle
 from metaid.estimation.estimate import Found
-from metaid.estimation.faults import FoundFaults, SearchedFaults, found_faults
+from metaid.estimation.faults import FoundFaults, SearchedFaults, found_faults, searched_faults
 from metaid.estimation.noisy.held_out import only_pushes
 from metaid.estimation.noisy.innovations import Innovations, led_by
 from metaid.estimation.noisy.readings import Readings
@@ -112,16 +112,17 @@ class Combining:
         """Faults of these `kinds` that cannot be found below 0: how many `teeth` cogging has, and what limits of the
         motors are about (njoint), in N m, is by a scan; by default as in the fit `before`.
         """
-        faults = self.kept.search(tuple(kind for kind in FAULT_UNITS if kind in kinds))
-        teeth = faults.teeth or teeth or (0 if before is None else before.faults.teeth)
+        kept, in_order = self.kept, tuple(kind for kind in FAULT_UNITS if kind in kinds)
+        teeth = kept.faults.teeth or teeth or (0 if before is None else before.faults.teeth)
+        faults = searched_faults(in_order, kept.unknowns, kept.trials[0].start_speeds, teeth)
         if limits is None:
             limits = before.faults.limits if before is not None and "limit" in before.kinds else faults.limits
-        return replace(faults, is_bounded=True, teeth=teeth, limits=limits)
+        return replace(faults, is_bounded=True, limits=limits)
 
     def with_cogging(self, before: Tried) -> list[Tried]:
         """The fit with cogging besides, if there is one."""
         kept = None if "cogging" in before.kinds else self._led(before)
-        teeth = 0 if kept is None else self.kept.search(("cogging",)).teeth or teeth_shown(kept, before.found.point)
+        teeth = 0 if kept is None else self.kept.faults.teeth or teeth_shown(kept, before.found.point)
         faults = self._bounded((*before.kinds, "cogging"), before, teeth)
         tried = self.fitted_with(faults, before) if teeth else None
         return [] if tried is None else [tried]
