@@ -20,22 +20,21 @@ from metaid.estimation.descent import FARTHEST, Residuals, descend, place_at
 from metaid.estimation.estimate import Found
 from metaid.estimation.faults import FoundFaults, Proposal, SearchedFaults, TakenUp, Unmodelled, searched_faults
 from metaid.estimation.fit import fit, starting_points
+from metaid.estimation.laws import ArmLaws, ChainLaws
 from metaid.estimation.log_unknowns import Estimate, LogUnknowns
-from metaid.estimation.trials import Replay, WatchedTrial, upright
+from metaid.estimation.trials import ReadTrial, Replay, WatchedTrial, upright
 
 if TYPE_CHECKING:
     from metaid.estimation.crossings import MISS, TOP, Counters, count_crossings
     from metaid.estimation.experiment import Experiment, SeenTrial
-    from metaid.estimation.laws import ArmLaws, ChainLaws
     from metaid.estimation.motions import Motions, Quantity, WatchedTrials
-    from metaid.estimation.noisy import Loop, Readings, ReadTrial
+    from metaid.estimation.noisy import Loop, Readings
 
 
 _LOADS_NUMBA = dict.fromkeys(("Motions", "Quantity", "WatchedTrials"), "motions")
-_LOADS_NUMBA |= dict.fromkeys(("Loop", "Readings", "ReadTrial"), "noisy")
+_LOADS_NUMBA |= dict.fromkeys(("Loop", "Readings"), "noisy")
 _LOADS_NUMBA |= dict.fromkeys(("Experiment", "SeenTrial"), "experiment")
 _LOADS_NUMBA |= dict.fromkeys(("MISS", "TOP", "Counters", "count_crossings"), "crossings")
-_LOADS_NUMBA |= dict.fromkeys(("ArmLaws", "ChainLaws"), "laws")
 
 
 def __getattr__(name: str) -> Any:

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from metaid.compiled.spatial import commanded_arm_torques
 from metaid.episode import Episode
 from metaid.estimation.base_unknowns import ArmEstimate, BaseUnknowns
 from metaid.estimation.log_unknowns import Estimate
@@ -73,6 +72,8 @@ class ArmLaws:
         return self.searched.values(self.searched.spread * random.standard_normal(len(start)))
 
     def commanded(self, law: Array, angles: Array, speeds: Array) -> Array:
+        from metaid.compiled.spatial import commanded_arm_torques  # loads numba
+
         return commanded_arm_torques(self.searched.frames, law, self.episode, angles, speeds)
 
 

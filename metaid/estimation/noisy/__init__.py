@@ -14,4 +14,3 @@ from metaid.estimation.noisy.readings import Readings
 from metaid.estimation.noisy.taken_up import explained, led, proposed_faults, take_up
 from metaid.estimation.noisy.torque_noise import fit_with_torque_noise
 from metaid.estimation.noisy.unmodelled import unmodelled_forces
-from metaid.estimation.trials import ReadTrial
