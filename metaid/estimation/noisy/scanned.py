@@ -4,8 +4,7 @@ turn cogging repeats, and at what torque motors cut off.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
@@ -21,16 +20,19 @@ LEVELS = (0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.15, 0.1, 0.07, 0.05, 0.03, 0
 HELD = 0.5  # of what is beyond a limit: a joint that lacks less of it has none
 ROUNDS = 4  # through the joints: what is beyond the limit of one may look like what is beyond another's
 
+# The sum of squares that torques of some numbers leave, but for what no unknown changes, and their sizes.
+LeftBy = Callable[[Iterable[int]], tuple[float, Array]]
+
 
 def teeth_shown(led: Innovations, point: Array) -> int:
     """How many times a turn the torque repeats, in each joint with an amplitude and a phase of its own, that leaves
     least of the innovations of all trials, at a `point` with what concerns a push alone, beside unknowns that may
     change with it; 0 where the twin cannot follow.  Eq. 42.
     """
-    scan, each = _scan(led, point, [_waves(trial) for trial in led.trials]), 2 * led.unknowns.njoint
-    if scan is None:
+    left_by, each = _scan(led, point, [_waves(trial) for trial in led.trials]), 2 * led.unknowns.njoint
+    if left_by is None:
         return 0
-    left = [scan.left_by(range(first, first + each))[0] for first in range(0, scan.count, each)]
+    left = [left_by(range(number * each, (number + 1) * each))[0] for number in range(MOST - FEWEST + 1)]
     return FEWEST + left.index(min(left))
 
 
@@ -42,19 +44,19 @@ def limits_shown(led: Innovations, point: Array) -> Array | None:
     """
     n = led.unknowns.njoint
     most = np.max([np.abs(trial.torques).max(axis=(0, 1)) for trial in led.trials], axis=0)
-    scan = _scan(led, point, [_beyond(trial, most) for trial in led.trials])
-    if scan is None:
+    left_by = _scan(led, point, [_beyond(trial, most) for trial in led.trials])
+    if left_by is None:
         return None
     alike = [dict.fromkeys(range(n), level) for level in range(len(LEVELS))]
-    begun: list[dict[int, int]] = [{}, min(alike, key=lambda levels: scan.left_by(_numbers(levels, n))[0])]
+    begun: list[dict[int, int]] = [{}, min(alike, key=lambda levels: left_by(_numbers(levels, n))[0])]
     for levels in begun:
         for _ in range(ROUNDS):
             before = dict(levels)
             for joint in range(n):
-                _set_level(scan, levels, joint, n)
+                _set_level(left_by, levels, joint, n)
             if levels == before:
                 break
-    levels = min(begun, key=lambda levels: scan.left_by(_numbers(levels, n))[0])
+    levels = min(begun, key=lambda levels: left_by(_numbers(levels, n))[0])
     if not levels:
         return None
     return np.array([most[joint] * (LEVELS[levels[joint]] if joint in levels else 1.0) for joint in range(n)])
@@ -65,54 +67,38 @@ def _numbers(levels: dict[int, int], n: int) -> list[int]:
     return [level * n + joint for joint, level in levels.items()]
 
 
-def _set_level(scan: Scan, levels: dict[int, int], joint: int, n: int) -> None:
+def _set_level(left_by: LeftBy, levels: dict[int, int], joint: int, n: int) -> None:
     """Changes the level of a `joint` to the one that leaves least beside the `levels` of the others; to none where that
     leaves as much but for chance, or lacks less of what is beyond it.
     """
     levels.pop(joint, None)
     others = _numbers(levels, n)
-    without = scan.left_by(others)[0]
-    tried = [scan.left_by([*others, level * n + joint]) for level in range(len(LEVELS))]
+    without = left_by(others)[0]
+    tried = [left_by([*others, level * n + joint]) for level in range(len(LEVELS))]
     best = min(range(len(tried)), key=lambda level: tried[level][0])
     left, sizes = tried[best]
     if sizes[-1] > HELD and without - left > by_chance(1):
         levels[joint] = best
 
 
-@dataclass(frozen=True)
-class Scan:
-    """Innovations of all trials and how they change with the unknowns (`nunknown`), of which the priors are known, and
-    with `count` further torques, as one triangular system: values + slopes @ step, but for what no step changes.
-    """
-
-    slopes: Array
-    values: Array
-    nunknown: int
-
-    @property
-    def count(self) -> int:
-        return int(self.slopes.shape[1]) - self.nunknown
-
-    def left_by(self, torques: Iterable[int]) -> tuple[float, Array]:
-        """The sum of squares that is left with the further `torques` of these numbers, but for what no unknown changes,
-        and their sizes.
-        """
-        chosen = [*range(self.nunknown), *(self.nunknown + number for number in torques)]
-        left, step, _ = least_squares(self.slopes[:, chosen], self.values)
-        return left, step[self.nunknown :]
-
-
-def _scan(led: Innovations, point: Array, columns: Sequence[Array]) -> Scan | None:
-    """Further torques, the `columns` (ncolumn x npush x nstep x njoint of each trial); None where the twin cannot
-    follow.
+def _scan(led: Innovations, point: Array, columns: Sequence[Array]) -> LeftBy | None:
+    """What further torques leave, the `columns` (ncolumn x npush x nstep x njoint of each trial), beside unknowns whose
+    priors are known; None where the twin cannot follow.
     """
     residuals = led.residuals_with(point, columns)
     if residuals is None:
         return None
     count, torques = len(led.spreads), np.zeros(len(columns[0]))
     place = Place(np.append(point[:count], torques), residuals, residuals.cost)
+    # All trials are one triangular system, slopes @ step - target, but for what no step changes.
     slopes, target = triangle(place, np.append(led.spreads, torques + np.inf))
-    return Scan(slopes, -target, count)
+
+    def left_by(numbers: Iterable[int]) -> tuple[float, Array]:
+        chosen = [*range(count), *(count + number for number in numbers)]
+        left, step, _ = least_squares(slopes[:, chosen], -target)
+        return left, step[count:]
+
+    return left_by
 
 
 def _waves(trial: ReadTrial) -> Array:
