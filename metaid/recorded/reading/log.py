@@ -16,12 +16,11 @@ from numpy.typing import NDArray
 
 from metaid.errors import RecordError
 from metaid.models import Array
-from metaid.recorded.reading.blocks import recognised
 from metaid.recorded.reading.clock import on_true_clock
 from metaid.recorded.reading.columns import Understood, joints_beside, understood
 from metaid.recorded.reading.formats import tables_of
 from metaid.recorded.reading.merging import lacking, merged, sampled_at
-from metaid.recorded.reading.nameless import called_as_file, marked, refusal
+from metaid.recorded.reading.nameless import called_as_file, marked, recognised, refusal
 from metaid.recorded.reading.plausible import refuse_degrees, refuse_few_rows, refuse_other_speeds
 from metaid.recorded.reading.readings import NO_READING, LogRun, counted
 from metaid.recorded.reading.repairs import rested, tamed, unwrapped, with_signs, without_head, without_repeats
