@@ -8,7 +8,7 @@ neither. Where the robot's joints have no names, those of the log count, in the 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -86,14 +86,14 @@ class Understood:
 
 @dataclass(frozen=True)
 class _Meant:
-    """What a column's name means: a kind, a joint from 0 on or a number, whether it is only what was wished, and
-    whether the user has said so.
+    """What a column's name means: a kind of a joint, by its place from 0 on or where it `is_numbered` by its number,
+    whether it is only what was wished, and whether the user has said so.
     """
 
     column: str
     kind: str
-    joint: int | None
-    number: int | None
+    joint: int
+    is_numbered: bool
     is_wished: bool
     is_said: bool
 
@@ -115,12 +115,12 @@ def understood(
     said_joints, said_columns = _joints_said(table, joints, mapping)
     names, said_units = called(table.columns, said_joints, said_columns, table.name)
     own_joints = _joints_called(names.values(), said_joints)
-    meant = [each for column, name in names.items() if (each := _meaning(column, name, own_joints))]
+    meant = list(_meanings(names, own_joints))
     unsaid = [column for column, name in names.items() if name == column]
     cart = {} if any(each.kind == "angle" for each in meant) else of_cart(unsaid, slides)
     if cart:
         names |= cart
-        meant = [each for column, name in names.items() if (each := _meaning(column, name, own_joints))]
+        meant = list(_meanings(names, own_joints))
     kinds, base = {}, None
     for kind in KINDS:
         kinds[kind], own = _of_kind(table, kind, meant, own_joints)
@@ -141,12 +141,13 @@ def understood(
         text = f"{first_of(others, MOST_NAMED)} may be torques, too: --map {others[0]}=torque reads them instead"
         notes += (Repair("columns", len(others), text),)
     for kind, own_columns in kinds.items():
-        every = {column: joint for column, joint in zip(own_columns, joints, strict=False) if column}
         measured = "current" if is_current and kind == "torque" else kind
-        own_units = [
-            said_units.get(column) or units.unit_in(column, measured, joint) for column, joint in every.items()
-        ]
-        own_factors, told = units.converted(list(every), own_units, measured)
+        own_units = {
+            column: said_units.get(column) or units.unit_in(column, measured, joint)
+            for column, joint in zip(own_columns, joints, strict=False)
+            if column
+        }
+        own_factors, told = units.converted(own_units, measured)
         factors, notes = factors | own_factors, notes + told
     if is_current and kinds["torque"]:
         said = {each for column in kinds["torque"] for each in tokens_of(column) if each in WORDS["current"]}
@@ -164,9 +165,9 @@ def understood(
 
 def angles_named(table: Table, joints: Sequence[str]) -> dict[str, str]:
     """The columns of a table that are angles of joints which they name, by the joint: some of all these `joints`."""
-    meant = (_meaning(column, column, joints) for column in table.columns)
-    angles = [each for each in meant if each and each.kind == "angle" and not each.is_wished]
-    return {joints[each.joint]: each.column for each in reversed(angles) if each.joint is not None}
+    meant = _meanings({column: column for column in table.columns}, joints)
+    angles = [each for each in meant if each.kind == "angle" and not each.is_wished]
+    return {joints[each.joint]: each.column for each in reversed(angles) if not each.is_numbered}
 
 
 def _others(table: Table, torques: Sequence[str], names: Mapping[str, str], joints: Sequence[str]) -> tuple[str, ...]:
@@ -233,23 +234,19 @@ def _without(tokens: list[str], own: list[str]) -> list[str]:
     return [] if at is None else tokens[:at] + tokens[at + len(own) :]
 
 
-def _meaning(column: str, name: str, joints: Sequence[str]) -> _Meant | None:
-    """What a column's own name, or the user's for it, means; None where that is nothing that is read."""
-    tokens = tokens_of(name)
-    joint, rest = _joint_in(tokens, joints)
-    if sum(map(rest.count, CHANGES)) == 1 and any(KIND_OF.get(each) == "angle" for each in rest):
-        rest = ["speed" if KIND_OF.get(each) == "angle" else each for each in rest if each not in CHANGES]
-    kinds = [each for each in rest if each in KIND_OF]
-    if len(kinds) != 1 or OTHERS & set(rest):
-        return None
-    how = bool(WISHED & set(rest)), name != column
-    numbers = [int(each) for each in rest if each.isdigit()]
-    if joint is not None:
-        return _Meant(column, KIND_OF[kinds[0]], joint, None, *how)
-    words = {each for each in rest if not each.isdigit()} - {kinds[0]} - PLAIN - WISHED
-    if words or not (numbers or len(joints) == 1):
-        return None
-    return _Meant(column, KIND_OF[kinds[0]], None, numbers[-1] if numbers else 1, *how)
+def _meanings(names: Mapping[str, str], joints: Sequence[str]) -> Iterator[_Meant]:
+    """What columns mean by their own names, or by the user's for them; none where that is nothing that is read."""
+    for column, name in names.items():
+        joint, rest = _joint_in(tokens_of(name), joints)
+        if sum(map(rest.count, CHANGES)) == 1 and any(KIND_OF.get(each) == "angle" for each in rest):
+            rest = ["speed" if KIND_OF.get(each) == "angle" else each for each in rest if each not in CHANGES]
+        kinds = [each for each in rest if each in KIND_OF]
+        numbers = [int(each) for each in rest if each.isdigit()] or ([1] if len(joints) == 1 else [])
+        words = {each for each in rest if not each.isdigit()} - {*kinds} - PLAIN - WISHED
+        if len(kinds) != 1 or OTHERS & {*rest} or (joint is None and (words or not numbers)):
+            continue
+        place = numbers[-1] if joint is None else joint
+        yield _Meant(column, KIND_OF[kinds[0]], place, joint is None, bool(WISHED & {*rest}), name != column)
 
 
 def _joint_in(tokens: list[str], joints: Sequence[str]) -> tuple[int | None, list[str]]:
@@ -278,22 +275,18 @@ def _of_kind(
         every = [each for each in meant if each.kind == kind and (each.is_wished == is_wished or each.is_said)]
         own = [each for each in every if not each.is_said]
         own.sort(key=lambda each: bool(ALSO_ACCELERATIONS & {*tokens_of(each.column)}))
-        said = {
-            (each.number or 0) - 1 if each.joint is None else each.joint: each.column for each in every if each.is_said
-        }
-        named = {each.joint: each.column for each in reversed(own) if each.joint is not None}
-        numbered = {each.number: each.column for each in reversed(own) if each.number is not None}
+        said = {each.joint - each.is_numbered: each.column for each in every if each.is_said}
+        named = {each.joint: each.column for each in reversed(own) if not each.is_numbered}
+        numbered = {each.joint: each.column for each in reversed(own) if each.is_numbered}
         base = 0 if 0 in numbered else 1
         base = next(iter(numbered)) if njoint == len(numbered) == 1 else base  # whatever number one joint alone has
-        by_number = {number - base: column for number, column in numbered.items() if number is not None}
-        found = named if len(named) >= len({*by_number} & {*range(njoint)}) and named else by_number
-        if len(said) == njoint:
-            found = said  # whatever else there is
-        found_by_number = found is by_number and bool(by_number)
-        found = found | said
+        by_number = {number - base: column for number, column in numbered.items()}
+        inside = {*by_number} & {*range(njoint)}
+        is_numbered = len(said) < njoint and bool(by_number) and len(named) < max(len(inside), 1)
+        found = (by_number if is_numbered else named) | said
         if not found:
             continue
-        if found_by_number and max(by_number) >= njoint:
+        if is_numbered and max(by_number) >= njoint:
             column = by_number[max(by_number)]
             first, last, by_name = (_of_joint(column, each) for each in (base, base + njoint - 1, joints[0]))
             by_name = "" if joints[0].isdigit() else f", or named as {by_name}"
@@ -303,13 +296,13 @@ def _of_kind(
             )
         missing = [joint for joint in range(njoint) if joint not in found]
         if missing and kind in ("angle", "speed"):
-            own_name = str(missing[0] + 1) if found_by_number else joints[missing[0]]
+            own_name = str(missing[0] + 1) if is_numbered else joints[missing[0]]
             example, there = next(iter(found.values())), ",".join(joints[joint] for joint in sorted(found))
             raise RecordError(
                 f"{table.name}: no column '{kind}_{own_name}' beside '{example}' (allowed: of all {njoint} joints"
                 f"{'' if joints[0].isdigit() else f', or --joints {there}'})"
             )
-        return tuple(found.get(joint, "") for joint in range(njoint)), base if found_by_number else None
+        return tuple(found.get(joint, "") for joint in range(njoint)), base if is_numbered else None
     return (), None
 
 
@@ -321,23 +314,22 @@ def _of_joint(column: str, joint: int | str) -> str:
 def _clock(names: Mapping[str, str]) -> tuple[tuple[str, ...], str | None]:
     """The column of the times, or those of s and ns, and the unit where the name says it."""
     split: dict[str, str] = {}
-    best: tuple[int, str, str | None] | None = None
+    clocks: dict[str, tuple[int, str | None]] = {}
     for column, name in names.items():
         inside = re.findall(r"[\[(]\s*([a-zµ]+)\s*[\])]", name)
         tokens = tokens_of(name)
-        units = [each for each in (*inside, *tokens[1:]) if each in SPELLED]
+        said = [SPELLED[each] for each in (*inside, *tokens[1:]) if each in SPELLED]
+        unit = said[-1] if said else None
         words = [each for each in tokens if each in CLOCKS]
-        if words and units and SPELLED[units[-1]] in ("s", "ns") and "stamp" in tokens:
-            split.setdefault(SPELLED[units[-1]], column)
-        alien = set(tokens) - {*CLOCKS, *SPELLED, *BESIDE_CLOCKS}
-        if words and not alien:
+        if unit in ("s", "ns") and "stamp" in tokens:
+            split.setdefault(unit, column)
+        if words and {*tokens} <= {*CLOCKS, *SPELLED, *BESIDE_CLOCKS}:
             rank = 0 if name == "time" else 1 if "stamp" in tokens else 2 + CLOCKS.index(words[0])
-            unit = SPELLED[units[-1]] if units else None
-            if best is None or rank < best[0]:
-                best = rank, column, unit
-    if len(split) == 2 and (best is None or best[0] > 0):
+            clocks[column] = rank, unit
+    best = min(clocks, key=lambda column: clocks[column][0], default=None)
+    if len(split) == 2 and (best is None or clocks[best][0] > 0):
         return (split["s"], split["ns"]), "ns"
-    return ((best[1],), best[2]) if best else ((), None)
+    return ((), None) if best is None else ((best,), clocks[best][1])
 
 
 def _notes(

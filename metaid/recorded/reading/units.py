@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping
 from itertools import groupby
 
 import numpy as np
@@ -55,14 +55,14 @@ def unit_in(name: str, kind: str, joint: str) -> str:
     return OURS[kind]
 
 
-def converted(columns: Sequence[str], units: Sequence[str], kind: str) -> tuple[dict[str, float], tuple[Repair, ...]]:
-    """By what the readings of one `kind`, angle, speed, torque or current, are multiplied where their columns (njoint)
-    are in units (njoint) of their own, and a line that says so.
+def converted(units: Mapping[str, str], kind: str) -> tuple[dict[str, float], tuple[Repair, ...]]:
+    """By what the readings of one `kind`, angle, speed, torque or current, are multiplied where their columns are in
+    `units` of their own, and a line that says so.
     """
     factors: dict[str, float] = {}
     notes = []
-    for unit, group in groupby(zip(columns, units, strict=True), key=lambda each: each[1]):
-        own = [column for column, _ in group]
+    for unit, group in groupby(units, key=units.__getitem__):
+        own = list(group)
         if SIZES[kind][unit] != 1.0:
             factors |= dict.fromkeys(own, SIZES[kind][unit])
             which = f"{own[0]} to {own[-1]} are" if len(own) > 1 else f"{own[0]} is"
