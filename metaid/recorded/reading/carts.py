@@ -12,7 +12,6 @@ from metaid.recorded.reading.words import CHANGES, KIND_OF, tokens_of
 
 SLIDING, TURNING = ("x", "position", "pos"), ("angle", "theta", "th", "phi", "alpha")
 SPEEDS = ({"dx", "v", "velocity", "vel"}, {"dtheta", "dphi", "dalpha", "omega"})
-UNITS = {*TOKENS, "rad", "s", "m", "n", "nm"}
 
 
 def of_cart(columns: Iterable[str], slides: NDArray[np.bool_]) -> dict[str, str]:
@@ -37,7 +36,7 @@ def of_cart(columns: Iterable[str], slides: NDArray[np.bool_]) -> dict[str, str]
 
 def _names(tokens: Sequence[str], joints: tuple[int, int]) -> Iterable[str]:
     """What a column of these words is called, of the numbers of the slide and the other."""
-    words = [each for each in tokens if each not in UNITS]
+    words = [each for each in tokens if each not in TOKENS]
     changes = [each for each in words if each in CHANGES]
     rest = [each for each in words if each not in CHANGES]
     if len(rest) != 1 or len(changes) > 1:

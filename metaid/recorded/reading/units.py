@@ -33,9 +33,9 @@ SPELLED = {
     "current": {"mA": "m ?a|milliamp(?:ere)?s?"},
 }
 TOKENS = {
-    *("mrad", "deg", "degs", "degree", "degrees", "dps", "rpm", "turn", "turns", "rev", "revs", "mm", "min", "per"),
-    *("ncm", "nmm", "a", "k", "amp", "amps", "ma"),
-}  # beside those of ours: what a name may have that says a unit
+    *("rad", "mrad", "deg", "degs", "degree", "degrees", "dps", "rpm", "turn", "turns", "rev", "revs"),
+    *("s", "min", "per", "m", "mm", "n", "nm", "ncm", "nmm", "k", "a", "ma", "amp", "amps"),
+}  # what a name may have that says a unit
 
 
 def spaced(name: str) -> str:

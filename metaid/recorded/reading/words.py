@@ -28,7 +28,7 @@ WISHED = {
 PLAIN = {
     *("joint", "joints", "state", "states", "j", "jnt", "field", "data", "value", "msg", "link", "motor", "axis"),
     *("robot", "arm", "actual", "act", "meas", "measured", "msr", "fb", "feedback", "read", "raw"),
-    *("wrapped", "unwrapped", "txt", "rad", "s", "sec", "nm", "n", "m", *TOKENS),
+    *("wrapped", "unwrapped", "txt", "sec", *TOKENS),
 }
 
 
