@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pandas as pd
@@ -129,32 +130,32 @@ def _without(readings: LogRun, late: NDArray[np.bool_], which: str) -> LogRun:
 
 def begins_again(readings: LogRun) -> list[LogRun]:
     """The parts of a log whose clock was set back, each a run."""
-    steps = np.diff(readings.times)
-    again = np.flatnonzero(steps < -AGAIN) + 1
-    rising = [part for part in np.split(np.arange(len(readings)), again) if len(part)]
+    parts = _parts(readings, np.diff(readings.times) < -AGAIN)
     # rows in disorder fall back often, and by as much as they went ahead
-    if len(again) == 0 or any(len(part) < 100 for part in rising):
-        return [readings]
-    return [readings.rows(part) for part in rising]
+    return parts if min(map(len, parts)) >= LEAST_ROWS else [readings]
+
+
+def _parts(readings: LogRun, ends: NDArray[np.bool_]) -> list[LogRun]:
+    """The parts of a log, of which one ends at each of some of its rows but the last (nrow − 1)."""
+    begins = [0, *(np.flatnonzero(ends) + 1).tolist(), len(readings)]
+    return [readings.rows(slice(begin, end)) for begin, end in pairwise(begins)]
 
 
 def runs_of(readings: LogRun) -> list[LogRun]:
     """The runs between the gaps of a log, the first of which says what was repaired."""
     gap = max(GAP, RARELY * readings.period)
-    late = np.flatnonzero(np.diff(readings.times) > gap)
-    if not len(late):
-        return [readings]
-    steps = np.diff(readings.times)[late]
-    parts = [readings.rows(each) for each in np.split(np.arange(len(readings)), late + 1)]
+    steps = np.diff(readings.times)
+    gaps = steps[steps > gap]
+    parts = _parts(readings, steps > gap)
     runs = [part for part in parts if len(part) >= LEAST_ROWS and part.times[-1] - part.times[0] >= SHORT]
-    if not runs:
+    if not len(gaps) or not runs:
         return [readings]
-    between = f"{steps.min():.3g} s" if len(late) == 1 else f"{steps.min():.3g} to {steps.max():.3g} s"
-    what = f"{counted(len(late), 'gap')} of {between}: cut there into {counted(len(runs), 'run')}"
+    between = f"{gaps.min():.3g} s" if len(gaps) == 1 else f"{gaps.min():.3g} to {gaps.max():.3g} s"
+    what = f"{counted(len(gaps), 'gap')} of {between}: cut there into {counted(len(runs), 'run')}"
     lost = len(readings) - sum(map(len, runs))
     if lost:
         what += f", {counted(lost, 'row')} between gaps left out"
-    runs[0] = runs[0].repaired("gaps", len(late), what)
+    runs[0] = runs[0].repaired("gaps", len(gaps), what)
     said = (runs[0].repairs[-1],)
     return [
         replace(run, times=run.times - run.times[0], repairs=run.repairs if run is runs[0] else said) for run in runs
