@@ -51,13 +51,11 @@ def dialect_of(path: Path) -> Dialect:
         if len(names) > 1 and not any(map(is_number, names)) and len(names) in counts:
             decimal = _decimal(separator, lines[above + 1 :])
             return Dialect(separator, decimal, distinct(names), above + 1, encoding)
-    return _nameless(lines, commented, encoding) or Dialect(
-        separator := _separator(first := lines[commented]),
-        ".",
-        distinct(_fields(first, separator)),
-        commented + 1,
-        encoding,
-    )
+    nameless = _nameless(lines, commented, encoding)
+    if nameless is not None:
+        return nameless
+    separator = _separator(lines[commented])
+    return Dialect(separator, ".", distinct(_fields(lines[commented], separator)), commented + 1, encoding)
 
 
 def _nameless(lines: Sequence[str], first: int, encoding: str) -> Dialect | None:

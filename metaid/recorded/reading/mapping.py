@@ -31,15 +31,16 @@ def called(
     """
     numbers = [*(str(i + 1) for i in range(len(joints))), *joints]
     ours = {"time", *(f"{kind}_{joint}" for kind in KINDS for joint in numbers)}
+    allowed = {*ours, *KINDS}
     names = {column: column for column in columns}
     units: dict[str, str] = {}
     said: set[str] = set()
     for own, meaning in _one_by_one(columns, joints, mapping, log, ours):
-        if meaning.partition(":")[0] not in {*ours, *KINDS} and own.partition(":")[0] in {*ours, *KINDS}:
+        if meaning.partition(":")[0] not in allowed and own.partition(":")[0] in allowed:
             own, meaning = meaning, own
         meaning, _, unit = meaning.partition(":")
-        if meaning not in ours and meaning not in KINDS:
-            raise RecordError(f"{log}: map {own}: {unknown('meaning', meaning, sorted({*ours, *KINDS}))}")
+        if meaning not in allowed:
+            raise RecordError(f"{log}: map {own}: {unknown('meaning', meaning, sorted(allowed))}")
         means = _of_all(columns, joints, own, meaning) if meaning in KINDS else {own: meaning} if own in names else {}
         if not means:
             what, there = ("word", words_of(columns, joints)) if meaning in KINDS else ("column", columns)
@@ -47,9 +48,9 @@ def called(
         names |= means
         said |= {*means, *means.values()}
         if unit:
-            allowed = SIZES[meaning.partition("_")[0]]
-            if unit not in allowed:
-                raise RecordError(f"{log}: map {own}: {unknown('unit', unit, allowed)}")
+            sizes = SIZES[meaning.partition("_")[0]]
+            if unit not in sizes:
+                raise RecordError(f"{log}: map {own}: {unknown('unit', unit, sizes)}")
             units |= dict.fromkeys(means, unit)
     return {column: name for column, name in names.items() if column in said or name not in said}, units
 
@@ -57,17 +58,8 @@ def called(
 def _one_by_one(
     columns: Sequence[str], joints: Sequence[str], mapping: Mapping[str, str], log: str, ours: set[str]
 ) -> Iterator[tuple[str, str]]:
-    """A column or a word, and its meaning, one after the other, whatever several mean in their order.
-
-    Args:
-        columns: of the log.
-        joints: the names of the robot's joints.
-        mapping: what the user says.
-        log: its name, for messages.
-        ours: what one column may mean.
-
-    Raises:
-        RecordError: as of `called`.
+    """A column or a word, and its meaning, one after the other, whatever several mean in their order, of what `called`
+    is given; `ours` is what one column may mean.  Raises RecordError as it does.
     """
     for own, meaning in mapping.items():
         if "," not in meaning:

@@ -55,7 +55,7 @@ def merged(pieces: Sequence[Understood]) -> Understood:
         else:
             raise RecordError(f"{piece.table.name}: no times, and {len(read):,} rows (allowed: {rows:,}, as {named})")
     frame = pd.DataFrame(found)
-    if frame[[*found]].isna().any(axis=1).all():
+    if frame.isna().any(axis=1).all():
         raise RecordError(f"{named}: no time in common with {', '.join(piece.table.name for piece in used[1:])}")
     kinds = {kind: owners[kind].kinds[kind] if kind in owners else () for kind in KINDS}
     notes = tuple(note for piece in used for note in piece.notes)
