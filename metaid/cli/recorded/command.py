@@ -106,7 +106,8 @@ def estimate(
     figures = {output: figure_of(output) for output in outputs if output not in models}
     if report is not None:
         refuse_output(report, (".html",), "--report")
-    result = metaid.estimate(**{name: READ[name](given) if name in READ else given for name, given in asked.items()})
+    given = {name: text for name, text in asked.items() if text is not None}
+    result = metaid.estimate(**{name: READ[name](text) if name in READ else text for name, text in given.items()})
     warn(result.nominal_repairs)
     has_numbers = result.verdict.is_found or even_if_not_found
     files = [_written(result, output) for output in models] if has_numbers else []
@@ -191,10 +192,8 @@ def _stretches(texts: tuple[str, ...]) -> dict[str, list[tuple[float, float]]]:
     return stretches
 
 
-def _vector(text: str | None) -> tuple[float, ...] | None:
+def _vector(text: str) -> tuple[float, ...]:
     """`X,Y,Z` as three numbers."""
-    if text is None:
-        return None
     try:
         x, y, z = (float(each) for each in text.split(","))
     except ValueError:
@@ -202,14 +201,9 @@ def _vector(text: str | None) -> tuple[float, ...] | None:
     return x, y, z
 
 
-def _terms(text: str | None) -> list[str] | None:
+def _terms(text: str) -> list[str]:
     """`A,B` as terms of friction; none of them where it is `none`."""
-    return None if text is None else [term for term in text.split(",") if term and text != "none"]
-
-
-def _split(text: str | None) -> list[str]:
-    """`A,B` as names of joints."""
-    return [] if text is None else text.split(",")
+    return [term for term in text.split(",") if term and text != "none"]
 
 
 # What the texts of options mean, by the parameter of `metaid.estimate`; the others are what click makes of them.
@@ -222,8 +216,8 @@ READ: dict[str, Callable[[Any], Any]] = {
     "zero": lambda texts: numbers(texts, "--zero"),
     "gravity": _vector,
     "columns": lambda texts: dict(map(_meaning, texts)),
-    "untrusted": _split,
-    "reversed": _split,
+    "untrusted": lambda text: text.split(","),
+    "reversed": lambda text: text.split(","),
     "order": names_of,
     "leave_out": _stretches,
 }

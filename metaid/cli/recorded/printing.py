@@ -107,8 +107,8 @@ def _print_validation(logs: list[dict[str, Any]]) -> None:
 def _print_parameters(shown: dict[str, Any], whole: bool) -> None:
     friction = ("damping", "coulomb", "root", "offset", "load", "spring")
     every = shown["parameters"]
-    bodies = [each for each in every if whole or not each["name"].startswith(friction)]
-    known = [each for each in bodies if whole or each["determined"]] or bodies
+    bodies = [each for each in every if not each["name"].startswith(friction)]
+    known = [each for each in bodies if each["determined"]] or bodies
     rows = [
         [
             each["name"],
@@ -118,7 +118,7 @@ def _print_parameters(shown: dict[str, Any], whole: bool) -> None:
             f"± {each['sd_systematic']:.2g}",
             each["unit"],
         ]
-        for each in (known if whole else known[:FEW])
+        for each in (every if whole else known[:FEW])
     ]
     left = len(every) - len(rows)
     print_table(
