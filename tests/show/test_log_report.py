@@ -12,7 +12,7 @@ from conftest import Finished
 from pages import ids_are_single, repeat, seen_everywhere
 from places import ROOT
 
-from metaid.cli.recorded.drawing import FIGURES
+from metaid.cli.recorded.command import FIGURES
 
 pytestmark = pytest.mark.slow
 

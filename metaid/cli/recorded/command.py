@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,8 +24,8 @@ from metaid.cli.common import (
     warn,
     whole_file,
 )
-from metaid.cli.recorded.drawing import draw, figure_of
 from metaid.cli.recorded.printing import print_result
+from metaid.errors import RecordError
 
 if TYPE_CHECKING:
     from metaid.recorded import FileError, Payload, RecordedResult
@@ -35,6 +35,7 @@ NOMINAL_HELP = "A plant's name or file, an MJCF or URDF."
 PAYLOAD_HELP = "A log with this weight, which tells drives' gains."
 FRICTION_HELP = "As viscous,coulomb,spring; a wrong one lists all."
 ABSOLUTE_HELP = "Read against the base; JOINT:motor: torque, too."
+FIGURES = ("torque", "friction", "gravity", "bodies")  # each in the file that names it: `-o torque.pdf`
 
 
 class LogsCommand(click.Command):
@@ -103,7 +104,7 @@ def estimate(
     for output in outputs:
         refuse_output(output, (*SUFFIXES, *FIGURE_SUFFIXES))
     models = [output for output in outputs if output.suffix not in FIGURE_SUFFIXES]
-    figures = {output: figure_of(output) for output in outputs if output not in models}
+    figures = {output: _figure_of(output) for output in outputs if output not in models}
     if report is not None:
         refuse_output(report, (".html",), "--report")
     given = {name: text for name, text in asked.items() if text is not None}
@@ -112,7 +113,7 @@ def estimate(
     has_numbers = result.verdict.is_found or even_if_not_found
     files = [_written(result, output) for output in models] if has_numbers else []
     if has_numbers:
-        draw(result, figures)
+        _draw(result, figures)
     if report is not None:
         with whole_file(report, (".html",), "--report") as partial:
             partial.write_text(show.render_log(result, typed(click.get_current_context()), files), encoding="utf-8")
@@ -121,7 +122,7 @@ def estimate(
     else:
         print_result(result, has_numbers, whole)
         for output, each in zip(models, files, strict=False):
-            say(_of_file(output, each, result))
+            say(_of_file(each, result))
             for lacking in result.model.lacks(output.suffix):
                 say(f"  {lacking}")
     return 0 if result.verdict.is_found else NOT_FOUND
@@ -136,12 +137,35 @@ def _written(result: RecordedResult, output: Path) -> FileError:
     return result.error_of(output)
 
 
-def _of_file(output: Path, each: FileError, result: RecordedResult) -> str:
+def _of_file(each: FileError, result: RecordedResult) -> str:
     """A file and its error, in a line."""
     if each.relative is None:
-        return f"{output}: written ({each.why_not})"
+        return f"{each.path}: written ({each.why_not})"
     rows = "the logs to validate" if result.validation else "the logs, which it was fitted to"
-    return f"{output}: loaded again it predicts the torques of {rows}, to {each.relative:.2%}"
+    return f"{each.path}: loaded again it predicts the torques of {rows}, to {each.relative:.2%}"
+
+
+def _figure_of(output: Path) -> str:
+    """The figure that a file is of: its name, or what follows the last hyphen of it.  Raises click.UsageError."""
+    name = output.stem.rpartition("-")[2]
+    if name not in FIGURES:
+        raise click.UsageError(
+            f"-o {output}: the name says the figure (allowed: {', '.join(FIGURES)}, or anything and a hyphen before it)"
+        )
+    return name
+
+
+def _draw(result: RecordedResult, figures: Mapping[Path, str]) -> None:
+    """Writes figures to files, each by its name."""
+    if not figures:
+        return
+    gallery = metaid.figures.LogGallery(result)
+    for output, name in figures.items():
+        if name not in gallery.makers:
+            raise RecordError(f"{output}: gravity loads no joint (allowed: {', '.join(gallery.makers)})")
+        with whole_file(output, FIGURE_SUFFIXES) as partial:
+            metaid.figures.save(gallery.picture(name).figure, partial)
+        say(f"{output}: written", err=True)
 
 
 def _payload(text: str) -> Payload:
