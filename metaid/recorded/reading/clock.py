@@ -178,13 +178,13 @@ def _uneven(angles: Array, times: Array) -> Array:
     """What a cubic through two neighbours on either side, at uneven times (nrow), leaves of angles (nrow − 4 x
     njoint).
     """
-    places = [times[i : len(times) - 4 + i] for i in (0, 1, 3, 4)]
-    middle = times[2:-2]
+    middle, count = times[2:-2], len(times) - 4
+    near = [(times[i : count + i], angles[i : count + i]) for i in (0, 1, 3, 4)]
     left = angles[2:-2].copy()
-    for i, own in enumerate(places):
+    for own, read in near:
         weight = np.ones_like(middle)
-        for j, other in enumerate(places):
-            if j != i:
+        for other, _ in near:
+            if other is not own:
                 weight *= (middle - other) / np.where(own == other, NEVER, own - other)
-        left -= weight[:, None] * angles[(0, 1, 3, 4)[i] : len(times) - 4 + (0, 1, 3, 4)[i]]
+        left -= weight[:, None] * read
     return left
