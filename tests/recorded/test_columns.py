@@ -31,6 +31,17 @@ SPELLED: dict[str, tuple[dict[str, str], list[str]]] = {
     "files": ({"time": "time", "angle_": "posa{}.txt", "speed_": "vela{}.txt", "torque_": "trq{}.txt"}, ["1", "2"]),
     "turns": ({"time": "t", "angle_": "theta{}_rad_wrapped", "speed_": "omega", "torque_": "tau"}, ["1", "2"]),
     "Greek": ({"time": "t", "angle_": "Alpha", "speed_": "dAlpha", "torque_": "tau"}, ["1", "2"]),
+    "units": ({"time": "t_s", "angle_": "{}_rad", "speed_": "{} [rad/s]", "torque_": "{}_Nm"}, ["elbow", "hand"]),
+    "units and numbers": ({"time": "t", "angle_": "J{}_rad", "speed_": "J{} (rad/s)", "torque_": "J{}_Nm"}, ["1", "2"]),
+    "demonstrations": (
+        {
+            "time": "t",
+            "angle_": "observations_qpos_",
+            "speed_": "observations_qvel_",
+            "torque_": "observations_effort_",
+        },
+        ["1", "2"],
+    ),
     "ROS": ({"time": "stamp", "angle_": "position_", "speed_": "velocity_", "torque_": "effort_"}, ["elbow", "hand"]),
 }
 
@@ -104,13 +115,19 @@ def test_alpha_is_an_acceleration_beside_other_angles() -> None:
 
 
 @pytest.mark.parametrize(
-    ("word", "what"), [("current", "motor currents"), ("voltage", "motor voltages"), ("u", "inputs")]
+    ("word", "what"), [("current", "motor currents"), ("voltage", "motor voltages"), ("u", "inputs"), ("pwm", "inputs")]
 )
 def test_what_a_motor_is_sent_stands_for_its_torque(word: str, what: str) -> None:
     """Where there is no torque, and that is said."""
     record = read(clean().rename(columns=lambda name: name.replace("torque", word)))
     np.testing.assert_array_equal(record.torques, clean()[["torque_1", "torque_2"]])
     assert any(repair.text.startswith(f"{what} stand for torques: ") for repair in record.repairs)
+
+
+def test_column_that_says_but_its_unit_goes_after_one_that_says_what_it_is() -> None:
+    log = clean().assign(elbow_motor_rad=9.0, hand_rad=9.0)
+    log = log.rename(columns={"angle_1": "angle_elbow", "angle_2": "angle_hand"})
+    np.testing.assert_array_equal(read(log, joints=("elbow", "hand")).angles, read(clean()).angles)
 
 
 def test_log_without_times_is_told_to_say_its_rate() -> None:

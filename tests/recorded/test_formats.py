@@ -123,6 +123,17 @@ def test_comments_above_a_table_may_be_many_and_look_like_names(tmp_path: Path) 
     np.testing.assert_array_equal(read(str(path)).angles, read(str(plain)).angles)
 
 
+def test_what_a_serial_port_said_is_a_table(tmp_path: Path) -> None:
+    """Though its names stand twice, once in a comment, and lines of other kinds above it and below."""
+    log, path = clean(), tmp_path / "swing.log"
+    text = log.to_csv(index=False)
+    title = f"{'# idle,angle_1,0.62' + chr(10)}" * 20 + f"  STAGE 1: RELEASE.\n# columns: {','.join(log.columns)}\n"
+    path.write_text(f"{title}{text}# END\n# idle,angle_1,0.53\n")
+    record = read(str(path))
+    np.testing.assert_array_equal(record.angles, read(log).angles)
+    assert [repair.text for repair in record.repairs] == ["2 rows without a number left out, the first row 1601: time"]
+
+
 @pytest.mark.parametrize(
     ("name", "content", "says"),
     [

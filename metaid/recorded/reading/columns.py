@@ -53,7 +53,7 @@ class Understood:
         notes: what was understood that is not spelled as metaid does.
         factors: by what the readings of columns are multiplied that are in units of their own.
         others: words of columns that may be torques, too, and are not read.
-        radians: columns of which the user says that they are in radians.
+        radians: columns of angles that are surely in radians: the user says so, or they are converted.
     """
 
     table: Table
@@ -117,6 +117,9 @@ def understood(
     own_joints = _joints_called(names.values(), said_joints)
     meant = list(_meanings(names, own_joints))
     unsaid = [column for column, name in names.items() if name == column]
+    there = {each.kind for each in meant if not each.is_wished}
+    by_unit = [replace(each, is_said=False) for each in _meanings(_by_unit(unsaid), own_joints)]
+    meant += [each for each in by_unit if each.kind not in there]
     cart = {} if any(each.kind == "angle" for each in meant) else of_cart(unsaid, slides)
     if cart:
         names |= cart
@@ -159,7 +162,7 @@ def understood(
     if idle:
         text = f"no torque of {joints_of(idle)}: it is 0, as without a motor"
         notes += (Repair("torque", len(idle), text),)
-    radians = frozenset(column for column, own_unit in said_units.items() if own_unit == units.OURS["angle"])
+    radians = frozenset(column for column in kinds["angle"] if column in said_units or column in factors)
     return Understood(table, times, unit, kinds, (*table.notes, *notes), factors, others, radians)
 
 
@@ -168,6 +171,12 @@ def angles_named(table: Table, joints: Sequence[str]) -> dict[str, str]:
     meant = _meanings({column: column for column in table.columns}, joints)
     angles = [each for each in meant if each.kind == "angle" and not each.is_wished]
     return {joints[each.joint]: each.column for each in reversed(angles) if not each.is_numbered}
+
+
+def driver_alone(columns: Iterable[str]) -> str | None:
+    """The one of a log's `columns` that is a torque, a current or what a motor is sent, of any joint; else None."""
+    drivers = [each for each in columns if {"torque", "current"} & {KIND_OF.get(word) for word in tokens_of(each)}]
+    return drivers[0] if len(drivers) == 1 else None
 
 
 def _others(table: Table, torques: Sequence[str], names: Mapping[str, str], joints: Sequence[str]) -> tuple[str, ...]:
@@ -249,6 +258,17 @@ def _meanings(names: Mapping[str, str], joints: Sequence[str]) -> Iterator[_Mean
         yield _Meant(column, KIND_OF[kinds[0]], place, joint is None, bool(WISHED & {*rest}), name != column)
 
 
+def _by_unit(columns: Iterable[str]) -> dict[str, str]:
+    """What columns are called that say what they are by a unit alone, as `elbow_deg` or `J1 [Nm]`: by its kind."""
+    called = {}
+    for column in columns:
+        tokens = re.findall(r"[a-zµ]+|\d+", units.spaced(column))
+        length = next((count for count in (2, 1) if tuple(tokens[-count:]) in units.KIND_OF), 0)
+        if length:
+            called[column] = " ".join((units.KIND_OF[tuple(tokens[-length:])], *tokens[:-length]))
+    return called
+
+
 def _joint_in(tokens: list[str], joints: Sequence[str]) -> tuple[int | None, list[str]]:
     """The joint whose name is in a column's, from 0 on, and what stands beside it; None where there is none. A name
     that is a number alone is taken as one.
@@ -297,7 +317,8 @@ def _of_kind(
         missing = [joint for joint in range(njoint) if joint not in found]
         if missing and kind in ("angle", "speed"):
             own_name = str(missing[0] + 1) if is_numbered else joints[missing[0]]
-            example, there = next(iter(found.values())), ",".join(joints[joint] for joint in sorted(found))
+            example = next(iter(found.values()))
+            there = ",".join(name for joint, name in enumerate(joints) if joint in found)
             raise RecordError(
                 f"{table.name}: no column '{kind}_{own_name}' beside '{example}' (allowed: of all {njoint} joints"
                 f"{'' if joints[0].isdigit() else f', or --joints {there}'})"

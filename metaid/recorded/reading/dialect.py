@@ -44,7 +44,8 @@ def dialect_of(path: Path) -> Dialect:
         separator = _separator(line)
         names = _fields(line.lstrip("#% ") if line.startswith(COMMENTS) else line, separator)
         below = next((other for other in lines[above + 1 :] if other.strip()), COMMENTS[0])
-        if below.startswith(COMMENTS):
+        is_title = line.startswith(COMMENTS) and not any(map(is_number, _fields(below, separator)))
+        if below.startswith(COMMENTS) or is_title:
             continue
         # with or without an end
         counts = {len(_fields(each, separator)) for each in (below, below.rstrip(f"{separator} "))}

@@ -19,7 +19,7 @@ from metaid.recorded.reading.bags import BAGS, KINDS, bag_tables, is_bag
 from metaid.recorded.reading.dialect import dialect_of, distinct, is_number
 from metaid.recorded.reading.readings import Repair
 
-TEXTS = (".csv", ".tsv", ".txt", ".dat")
+TEXTS = (".csv", ".tsv", ".txt", ".dat", ".log")
 SUFFIXES = (*TEXTS, ".parquet", *ARRAYS, *BAGS)
 NAMED = re.compile(r"(.*?)name(\d+)$")
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from metaid.errors import RecordError
 from metaid.models import Array
 from metaid.recorded.reading.clock import on_true_clock
-from metaid.recorded.reading.columns import Understood, joints_beside, understood
+from metaid.recorded.reading.columns import Understood, driver_alone, joints_beside, understood
 from metaid.recorded.reading.formats import tables_of
 from metaid.recorded.reading.merging import lacking, merged, sampled_at
 from metaid.recorded.reading.nameless import called_as_file, marked, recognised, refusal
@@ -114,7 +114,8 @@ class Intake:
             if other.torques.any():
                 return other.repaired("torque", 1, f"torques are 0: {word} is read instead, as by --map {word}=torque")
         if self.may_swing and not piece.kinds["torque"]:
-            text = "no torques: taken to swing freely (--map OWN=torque where a motor moves it)"
+            told = f"{own}=torque_JOINT" if (own := driver_alone(piece.table.columns)) else "OWN=torque"
+            text = f"no torques: taken to swing freely (--map {told} where a motor moves it)"
             readings = readings.repaired("torque", len(self.joints), text)
         return readings
 

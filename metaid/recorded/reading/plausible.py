@@ -39,7 +39,7 @@ def refuse_degrees(
         readings: what the log holds.
         slides: which joints (njoint) are slides.
         endless: which joints (njoint) turn without an end.
-        radians: columns that the user says are in radians.
+        radians: columns of angles that are surely in radians.
 
     Raises:
         RecordError: those of a joint do, which is none of these.
@@ -53,7 +53,7 @@ def refuse_degrees(
     if widest[joint] > MANY_TURNS:
         raise RecordError(
             f"{readings.name}: {readings.names['angle'][joint]} goes to {widest[joint]:.4g}, which looks like "
-            f"degrees (allowed: rad, at most {MANY_TURNS:g}, or more in a column whose name says rad; --map "
+            f"degrees (allowed: rad, at most {MANY_TURNS:g}, or more in a column whose name says its unit; --map "
             "OWN=angle:deg takes degrees, OWN=angle:rad radians)"
         )
 

@@ -36,6 +36,11 @@ TOKENS = {
     *("rad", "mrad", "deg", "degs", "degree", "degrees", "dps", "rpm", "turn", "turns", "rev", "revs"),
     *("s", "min", "per", "m", "mm", "n", "nm", "ncm", "nmm", "k", "a", "ma", "amp", "amps"),
 }  # what a name may have that says a unit
+KIND_OF: dict[tuple[str, ...], str] = {
+    **dict.fromkeys((("rad",), ("mrad",), ("deg",), ("degree",), ("degrees",)), "angle"),
+    **dict.fromkeys((("rad", "s"), ("deg", "s"), ("dps",), ("rpm",), ("rad", "sec"), ("deg", "sec")), "speed"),
+    **dict.fromkeys((("nm",), ("n", "m"), ("mnm",)), "torque"),
+}  # units, as the words of a name, that say alone what a column is
 
 
 def spaced(name: str) -> str:

@@ -6,7 +6,7 @@ import re
 
 from metaid.recorded.reading.units import TOKENS, spaced
 
-VOLTAGES, INPUTS = ("voltage", "voltages"), ("u", "input", "inputs", "ctrl")
+VOLTAGES, INPUTS = ("voltage", "voltages"), ("u", "input", "inputs", "ctrl", "pwm", "duty")
 WORDS = {
     "angle": ("angle", "angles", "position", "positions", "pos", "posa", "q", "theta", "th", "phi", "alpha", "qpos"),
     "speed": (
@@ -27,6 +27,7 @@ WISHED = {
 }
 PLAIN = {
     *("joint", "joints", "state", "states", "j", "jnt", "field", "data", "value", "msg", "link", "motor", "axis"),
+    *("obs", "observation", "observations"),
     *("robot", "arm", "actual", "act", "meas", "measured", "msr", "fb", "feedback", "read", "raw"),
     *("wrapped", "unwrapped", "txt", "sec", *TOKENS),
 }
