@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pandas as pd
 import pytest
@@ -66,6 +67,22 @@ def test_columns_of_a_frame_that_are_twice_are_read_once() -> None:
         read(pd.concat([log, times + 1.0], axis="columns"))
 
 
+@pytest.mark.parametrize("how", ["frame", "parquet", "csv"])
+def test_lists_in_cells_are_columns_of_joints(how: str, tmp_path: Path) -> None:
+    """By the names that messages have beside them, though the first holds no angles."""
+    log, path, names = clean(), tmp_path / f"run.{how}", ["elbow", "hand"]
+    cells = {own: [*map(list, array.tolist())] for own, array in arrays_of(log).items()}
+    frame = pd.DataFrame({"stamp": log["time"], "name": [names] * len(log), **cells})
+    frame.loc[0, "q"] = None
+    if how == "csv":
+        frame["tau"] = [[*map(np.float64, each)] for each in frame["tau"]]
+    write = {"csv": lambda: frame.to_csv(path, index=False), "parquet": lambda: frame.to_parquet(path)}
+    write.get(how, lambda: None)()
+    record = read(frame if how == "frame" else str(path), joints=("elbow", "hand"))
+    for name in ("angles", "speeds", "torques"):
+        np.testing.assert_array_equal(getattr(record, name), getattr(read(log), name)[1:])
+
+
 @pytest.mark.parametrize("ending", ["mat", "npz", "json"])
 def test_matrix_is_read_by_the_names_of_its_columns(ending: str, tmp_path: Path) -> None:
     """Which stand beside it as words, as those of a frame that pandas has split."""
@@ -79,12 +96,12 @@ def test_matrix_is_read_by_the_names_of_its_columns(ending: str, tmp_path: Path)
     np.testing.assert_allclose(read(str(path)).torques, read(log).torques, rtol=1e-12)
 
 
-@pytest.mark.parametrize("how", ["step", "structure", "lying", "lists", "records", "lines"])
+@pytest.mark.parametrize("how", ["step", "structure", "lying", "lists", "records", "lines", "groups", "fields"])
 def test_arrays_are_read_as_tables(how: str, tmp_path: Path) -> None:
-    """Of NumPy with the step alone, of MATLAB in a structure, or with a column a time, of JSON in lists or in records;
-    no numbers are passed by.
+    """Of NumPy with the step alone, of MATLAB in a structure, or with a column a time, of JSON in lists or in records,
+    of HDF5 in groups beside pictures, or in one table of fields; no numbers are passed by.
     """
-    endings = {"step": "npz", "lists": "json", "records": "json", "lines": "jsonl"}
+    endings = {"step": "npz", "lists": "json", "records": "json", "lines": "jsonl", "groups": "hdf5", "fields": "h5"}
     log, path = clean(), tmp_path / f"run.{endings.get(how, 'mat')}"
     arrays, times = arrays_of(log), log["time"].to_numpy()
     rows = [
@@ -101,6 +118,17 @@ def test_arrays_are_read_as_tables(how: str, tmp_path: Path) -> None:
         path.write_text(json.dumps({"robot": "two", "entries": rows}))
     elif how == "lines":
         path.write_text("\n".join(map(json.dumps, rows)))
+    elif how == "groups":
+        with h5py.File(path, "w") as file:
+            file.attrs["dt"], file["task"] = 0.005, "lift"
+            file["observations/images/top"] = np.zeros((len(log), 2, 2, 3), np.uint8)
+            for name, each in arrays.items():
+                file[f"observations/{name}"] = each
+    elif how == "fields":
+        kinds = [("t", float), *((name, float, 2) for name in arrays)]
+        table = [(time, *row) for time, *row in zip(times, *arrays.values(), strict=True)]
+        with h5py.File(path, "w") as file:
+            file["log"] = np.array(table, dtype=kinds)
     elif how == "structure":
         savemat(path, {"run": {"t": times, "note": "first", **arrays}})
     else:
@@ -141,6 +169,8 @@ def test_what_a_serial_port_said_is_a_table(tmp_path: Path) -> None:
         ("run.mat", b"hello", "no file of MATLAB's: Mat file appears to be truncated"),
         ("run.mat", b"MATLAB 7.3".ljust(124) + b"\x00\x02IM".ljust(400), "no file of MATLAB's that can be read: "),
         ("run.json", b"{", "no JSON: Expecting property name"),
+        ("run.h5", b"hello", "not a file of that format (allowed: the path of a log)"),
+        ("run.h5", None, "No such file or directory (allowed: the path of a log)"),
         ("run.mat", None, "No such file or directory (allowed: the path of a log)"),
     ],
 )

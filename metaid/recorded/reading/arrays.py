@@ -1,4 +1,4 @@
-"""Files of arrays, of NumPy (`.npz`, `.npy`), MATLAB (`.mat`) or JSON, as frames: a row a time, and a column a joint.
+"""Files of arrays, of NumPy (`.npz`, `.npy`), MATLAB (`.mat`), HDF5 or JSON, as frames: a row a time, a column a joint.
 
 An array that has a row for each time is as many columns as it has, `q` is `q_1`, `q_2` and so on; one that lies is
 turned. One alone of its width may have its columns' names beside it, in an array of as many words. Where no array holds
@@ -21,10 +21,12 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from metaid.errors import RecordError, first_of
+from metaid.recorded.reading.hdf5 import hdf5_arrays
 from metaid.recorded.reading.matlab import matlab_arrays
 from metaid.recorded.reading.times import CLOCKS
 
-ARRAYS = (".npz", ".npy", ".mat", ".json", ".jsonl")
+HDF5 = (".h5", ".hdf5")
+ARRAYS = (".npz", ".npy", ".mat", *HDF5, ".json", ".jsonl")
 STEPS, RATES = ("dt", "ts", "period"), ("fs", "rate")
 FEWEST = 10  # numbers in the longer direction of an array that may be a table
 MOST_NAMED = 8
@@ -34,7 +36,8 @@ Named = dict[str, NDArray[Any]]
 
 def arrays_frame(path: Path) -> pd.DataFrame:
     """The frame that a file of arrays makes.  Raises RecordError where none has a row for each time."""
-    read = {".npz": _numpy, ".npy": _alone, ".mat": matlab_arrays}.get(path.suffix, _json)
+    known = {".npz": _numpy, ".npy": _alone, ".mat": matlab_arrays, **dict.fromkeys(HDF5, hdf5_arrays)}
+    read = known.get(path.suffix, _json)
     leaves = list(_leaves(_unwrapped(read(path))))
     every = {name: each for name, each in leaves if np.isrealobj(each) and np.issubdtype(each.dtype, np.number)}
     tables = {name: np.atleast_2d(np.squeeze(each)) for name, each in every.items()}

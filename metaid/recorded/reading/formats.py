@@ -17,6 +17,7 @@ from metaid.errors import RecordError, optional_packages
 from metaid.recorded.reading.arrays import ARRAYS, arrays_frame
 from metaid.recorded.reading.bags import BAGS, KINDS, bag_tables, is_bag
 from metaid.recorded.reading.dialect import dialect_of, distinct, is_number
+from metaid.recorded.reading.lists import has_lists, spread
 from metaid.recorded.reading.readings import Repair
 
 TEXTS = (".csv", ".tsv", ".txt", ".dat", ".log")
@@ -114,6 +115,7 @@ def _of_frame(name: str, frame: pd.DataFrame) -> Table:
     if (frame.index.name is not None or isinstance(frame.index, pd.DatetimeIndex)) and index not in frame.columns:
         frame = frame.rename_axis(index).reset_index()
     frame = frame.set_axis([_flat(column) for column in frame.columns], axis="columns")
+    frame = spread(frame) if has_lists(frame) else frame
     again = frame.columns.duplicated()
     for column in frame.columns[again]:
         first, *others = (each for _, each in frame[column].items())
@@ -129,10 +131,11 @@ def _flat(column: object) -> str:
 
 def _parquet(path: Path) -> Table:
     with optional_packages("parquet"):
-        from pyarrow import parquet
-    return Table(
-        str(path), tuple(parquet.read_schema(path).names), lambda wanted: pd.read_parquet(path, columns=list(wanted))
-    )
+        from pyarrow import parquet, types
+    schema = parquet.read_schema(path)
+    if any(types.is_nested(each) for each in schema.types):
+        return _of_frame(str(path), pd.read_parquet(path))
+    return Table(str(path), tuple(schema.names), lambda wanted: pd.read_parquet(path, columns=list(wanted)))
 
 
 def _text(path: Path) -> Table:
@@ -163,6 +166,8 @@ def _text(path: Path) -> Table:
         between = {"\t": "tabs", " ": "blanks"}.get(dialect.separator, f"'{dialect.separator}'")
         decimals = ", with decimal commas" if dialect.decimal == "," else ""
         notes.append(Repair("format", 1, f"columns are separated by {between}{decimals}"))
+    if has_lists(load(dialect.names, 1)):
+        return replace(_of_frame(str(path), load(dialect.names)), notes=tuple(notes))
     table = Table(str(path), dialect.names, load, tuple(notes), is_nameless=dialect.is_nameless)
     return table.renamed(_named_by_cells(dialect.names, load))
 
