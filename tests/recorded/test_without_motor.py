@@ -78,6 +78,20 @@ def one_link(first: float, second: float, speed: float, other: float, torques: P
     return push / (INERTIA[0] + MASS[0] * COM[0] ** 2), 0.0
 
 
+WHEEL = {"m1z": -0.4 * 0.12, "yy1": 0.008, "yy2": 2e-4}
+WHEEL_FILE = """<mujoco><compiler angle="radian"/><worldbody><body><joint name="pivot" axis="0 1 0"/>
+<inertial pos="0 0 -0.1" mass="0.5" diaginertia="1e-3 1e-3 5e-4"/><body pos="0 0 -0.15">
+<joint name="wheel" axis="0 1 0"/><inertial pos="0 0 0" mass="0.1" diaginertia="1e-4 2e-4 1e-4"/></body></body>
+</worldbody></mujoco>"""
+
+
+def wheel_pendulum(first: float, second: float, speed: float, other: float, torques: Pair) -> Pair:
+    """Those of a pendulum that hangs, with a wheel at its end: no angle of the wheel matters."""
+    weight, inertia, wheel = WHEEL.values()
+    push = weight * GRAVITY * np.sin(first) - 5e-4 * speed - torques[1] + 2e-5 * other
+    return push / inertia, (torques[1] - 2e-5 * other) / wheel - push / inertia
+
+
 CART_POLE = """<mujoco><option timestep="0.002" integrator="RK4"/><worldbody>
 <body><joint name="cart" type="slide" axis="1 0 0" armature="{motor}" damping="{damping}"/>
 <inertial pos="0 0 0" mass="0.23" diaginertia="1e-3 1e-3 1e-3"/><body><joint name="pole" axis="0 1 0"/>
@@ -187,6 +201,17 @@ def test_rotary_pendulum_needs_no_column_for_a_motor_that_it_has_not(tmp_path: P
     assert worst(found, true, true) < 0.05
     repairs = [repair["text"] for log in found.summary["logs"] for repair in log["repairs"]]
     assert repairs == ["no torque of joint pendulum: it is 0, as without a motor"] * 2
+
+
+def test_wheel_that_turns_on_and_on_makes_its_pendulum_no_joint_that_is_held(tmp_path: Path) -> None:
+    """It turns 130 times as far. By its file it has no thickness, and the log says of its columns but the units."""
+    (tmp_path / "wheel.xml").write_text(WHEEL_FILE)
+    log = moved(wheel_pendulum, 0.3, (0.0, 0.02), 0)
+    assert np.ptp(log["angle_2"]) > 100.0 * np.ptp(log["angle_1"])
+    log.columns = ["t_s", "pivot_rad", "wheel_rad", "pivot_Nm", "wheel_Nm"]
+    found = metaid.estimate(log, tmp_path / "wheel.xml", **SAID)
+    assert found.verdict.word != "not found"
+    assert worst(found, WHEEL, WHEEL) < 0.01
 
 
 def test_motor_whose_torque_was_not_logged_is_no_joint_without_one() -> None:

@@ -12,6 +12,7 @@ from metaid.models.tree.bodies import (
     nominal_pseudo_inertias,
     possible_bodies,
     pseudo_inertia,
+    thick_links,
 )
 from metaid.models.tree.dynamics import Dynamics, arm_dynamics, joint_mass_matrix
 from metaid.models.tree.joint_friction import COLUMNS, SHARED, JointFriction, Sliding, Spring, friction_torque

@@ -69,7 +69,7 @@ def nearest_possible(prior: ArmPrior, values: Array, precision: Array) -> Array:
     """
     (links, rotors), _ = _cones(prior)
     start = prior.parameters_at(values)
-    start[:, :BODY] = np.linalg.lstsq(_PSEUDO.reshape(-1, BODY), links.nominal.reshape(-1, 16).T, rcond=None)[0].T
+    start[:, :BODY] = thick_links(prior.nominal)
     x = start.ravel()
     free = rotors.slope.reshape(-1, x.size).argmax(axis=1)
     x[free] = rotors.nominal.ravel()
@@ -104,6 +104,12 @@ def pseudo_inertia(parameters: Array) -> Array:
 def nominal_pseudo_inertias(tree: Tree) -> Array:
     """Those of the links of a nominal arm (njoint x 4 x 4), positive definite: what is thin has a thickness."""
     return np.array([_thick(each) for each in pseudo_inertia(tree.parameters)])
+
+
+def thick_links(tree: Tree) -> Array:
+    """The parameters (njoint x 10) of a nominal arm's links, whose pseudo-inertias are `nominal_pseudo_inertias`."""
+    matrices = nominal_pseudo_inertias(tree).reshape(-1, 16)
+    return np.asarray(np.linalg.lstsq(_PSEUDO.reshape(-1, BODY), matrices.T, rcond=None)[0].T, dtype=np.float64)
 
 
 def _thick(pseudo_inertia: Array) -> Array:

@@ -19,6 +19,7 @@ ABOVE_NOISE = 5.0  # standard deviations
 FAR_FROM_ONE = 1.5  # between a speed and the change of its angle
 ALIKE = 0.1  # how much the ratios of several joints differ where their times are wrong
 SHAKEN = 0.01  # of how far the farthest joint of a log goes: one that goes no farther is held, and others shake it
+TURN = 2.0 * np.pi  # rad: how far a wheel turns counts as this
 DEGREES = 180.0 / np.pi
 RADIANS = re.compile(r"(?<![a-z])rad(ians?)?(?![a-z])", re.IGNORECASE)  # in a column's own name
 
@@ -87,7 +88,7 @@ def _ratios(readings: LogRun, speeds: Array) -> dict[int, float]:
     said, seen = mean[stride::stride] - mean[:-stride:stride], angles[1:][stride::stride] - angles[1:][:-stride:stride]
     reach = np.ptp(angles, axis=0)
     ratios = {}
-    for joint in np.flatnonzero(reach > SHAKEN * reach.max()).tolist():
+    for joint in np.flatnonzero(reach > SHAKEN * min(reach.max(), TURN)).tolist():
         size, least = np.abs(seen[:, joint]), ABOVE_NOISE * noise[joint]
         moving = size > max(CALM * size.max(), least)
         # where few changes are beyond the noise, these are those that the noise has made larger

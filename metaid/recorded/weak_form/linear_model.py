@@ -49,6 +49,7 @@ Rigid = Callable[[Array, Array, Array, Array], Array]
 TURNED, SLIGHT = 0.5, 1e-3  # rad or m; of the largest torque
 LEAST_TURN, LEAST_SLIDE = 0.02, 0.002  # rad, m: within less a joint does not slide, it bends and creeps
 POSES = 64  # in which bodies are weighed
+TURN = 2.0 * np.pi  # rad: a wheel that turns on and on makes nothing else held
 HELD = 0.02  # of how far the joint turns that turns farthest: one that turns by less is held, and gives way
 
 
@@ -228,7 +229,7 @@ class LinearModel:
 
     def held(self, reach: Array) -> NDArray[np.bool_]:
         """Which joints (njoint) are held, that go so far from end to end (njoint), in rad or m."""
-        farthest = np.where(self.slides, 0.0, reach).max()
+        farthest = min(np.where(self.slides, 0.0, reach).max(), TURN)
         return np.asarray(reach < np.maximum(self.least_reach, np.where(self.slides, 0.0, HELD * farthest)))
 
     def whole(self, torques: Array, bodies: Array, columns: Callable[[], Array]) -> Array:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metaid.models import Array, Matrices, Nearest
-from metaid.models.tree import PARAMETERS, Tree, nominal_pseudo_inertias, pseudo_inertia
+from metaid.models.tree import PARAMETERS, Tree, nominal_pseudo_inertias, pseudo_inertia, thick_links
 from metaid.recorded.weak_form.equations import Equations, Solution
 from metaid.recorded.weak_form.linear_model import RIGID
 from metaid.recorded.weak_form.normal import solved
@@ -61,7 +61,7 @@ class Possible:
         prior, chain = model.prior, model.chain
         if chain is None:
             assert prior is not None
-            self._links = scale * self._tree.parameters[:, :RIGID].ravel()
+            self._links = scale * np.column_stack([thick_links(self._tree), self._tree.rotor]).ravel()
             base = prior.base
             kept = base.columns % len(PARAMETERS) < RIGID
             matrix = base.matrix[kept].reshape(kept.sum(), self._tree.njoint, len(PARAMETERS))[..., :RIGID]
