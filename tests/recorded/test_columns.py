@@ -160,8 +160,17 @@ def test_one_joint_alone_may_have_any_number() -> None:
     """As the second of a robot whose first is clamped; of two columns neither is known to be its."""
     log = clean()[["time", "angle_2", "speed_2", "torque_2"]]
     np.testing.assert_array_equal(read(log, joints=("1",)).angles, log[["angle_2"]])
+    np.testing.assert_array_equal(read(log, joints=("1",), columns={"speed": "speed"}).speeds, log[["speed_2"]])
     with pytest.raises(RecordError, match=r"column 'angle_2' is of no joint \(allowed: angle_1; or --map of all\)"):
         read(clean(), joints=("1",))
+
+
+def test_word_of_columns_of_other_joints_is_refused_in_one_line() -> None:
+    log = clean().rename(columns={"speed_1": "w1", "speed_2": "w5"})
+    with pytest.raises(
+        RecordError, match=r"no column 'speed_hand' beside 'w1' \(allowed: of all 2 joints, or --joints elbow"
+    ):
+        read(log, joints=("elbow", "hand"), columns={"w": "speed"})
 
 
 def test_words_of_a_log_stand_for_joints_that_have_but_numbers() -> None:

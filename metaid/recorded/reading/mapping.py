@@ -101,8 +101,9 @@ def words_of(columns: Iterable[str], joints: Sequence[str]) -> dict[str, dict[st
 def _of_all(columns: Sequence[str], joints: Sequence[str], word: str, kind: str) -> dict[str, str]:
     """What all columns mean that have a `word` beside a joint's name or number; one alone needs neither."""
     found = _with_word(columns, joints, word)
-    if not found and word in columns and len(joints) == 1:
-        return {word: f"{kind}_1"}
+    alone = list(found) or [column for column in columns if column == word]
+    if len(alone) == len(joints) == 1:
+        return {alone[0]: f"{kind}_1"}  # whatever number it has
     base = 0 if "0" in found.values() else 1
     return {
         column: f"{kind}_{int(joint) - base + 1}" if joint.isdigit() else f"{kind}_{joint}"
