@@ -65,53 +65,35 @@ def shipped_logs(name: str) -> list[Path]:
     return sorted((folder / name).glob("*.csv")) if name in {path.name for path in folder.iterdir()} else []
 
 
-def find_file(kind: str, name: str, error: type[MetaidError]) -> Path:
-    """The file that a user's `name` means: a path if it looks like one, else a shipped name."""
-    if _is_path(name):
-        return _existing(kind, Path(name), error)
-    return _shipped(kind, name, error)
+def find_file(kind: str, name: str, error: type[MetaidError], source: Path | None = None) -> Path:
+    """The file that a name means: a path if it looks like one, else a shipped name.
 
-
-def find_file_beside(kind: str, name: str, source: Path, error: type[MetaidError]) -> Path:
-    """The file that a name in another file means: a path within that file's folder, or a shipped name.
-
-    Whoever wrote the file may be a stranger. So the name leads nowhere else, not by a link either.
+    Whoever wrote a `source` that has the name in it may be a stranger. So a path is within the folder of that file, and
+    does not lead out of it by a link either.
 
     Args:
         kind: of the file that is meant, "plants" or "studies".
         name: as it is written.
-        source: the file that it is written in.
         error: the class of the exception.
+        source: the file that it is written in; None where it is the user's own word, which may lead anywhere.
 
     Raises:
         error: there is no such file, or it is in another folder.
     """
-    if not _is_path(name):
-        return _shipped(kind, name, error)
-    path = _existing(kind, source.parent / name, error)
-    if not path.resolve().is_relative_to(source.parent.resolve()):
-        raise error(f"{source}: {name} is outside the file's own folder (allowed: a path within it, or a shipped name)")
-    return path
-
-
-def _is_path(name: str) -> bool:
-    return name.endswith(ENDINGS) or "/" in name or "\\" in name
-
-
-def _existing(kind: str, path: Path, error: type[MetaidError]) -> Path:
+    if not (name.endswith(ENDINGS) or "/" in name or "\\" in name):
+        if name not in shipped_names(kind):
+            raise error(f"{unknown(_KINDS[kind], name, shipped_names(kind))}, or the path of a .toml file")
+        return shipped_folder(kind) / f"{name}.toml"
+    path = Path(name) if source is None else source.parent / name
     try:
         found = path.is_file()
     except OSError as problem:  # too long a name, a folder that may not be read
         raise error(f"{path}: {problem.strerror}") from None
     if not found:
         raise error(f"no {_KINDS[kind]} file at {path}")
+    if source is not None and not path.resolve().is_relative_to(source.parent.resolve()):
+        raise error(f"{source}: {name} is outside the file's own folder (allowed: a path within it, or a shipped name)")
     return path
-
-
-def _shipped(kind: str, name: str, error: type[MetaidError]) -> Path:
-    if name not in shipped_names(kind):
-        raise error(f"{unknown(_KINDS[kind], name, shipped_names(kind))}, or the path of a .toml file")
-    return shipped_folder(kind) / f"{name}.toml"
 
 
 def read_toml(path: Path, error: type[MetaidError]) -> dict[str, Any]:
@@ -163,11 +145,8 @@ def check(model: type[SettingsT], data: Mapping[str, Any], source: str, error: t
         path = _path(data, first)
         where = "".join(f"entry {part + 1}: " if isinstance(part, int) else f"{part}: " for part in path)
         message = first["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
-        message = (
-            message
-            if message == first["msg"] or "error" in first["type"]
-            else f"should be {message}, not {_shown(first['input'])}"
-        )
+        if message != first["msg"] and "error" not in first["type"]:
+            message = f"should be {message}, not {_shown(first['input'])}"
         raise error(_one_line(f"{source}: {where}{message}")) from None
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from metaid.errors import PlantError, StudyError
-from metaid.files import check, find_file, find_file_beside, read_toml
+from metaid.files import check, find_file, read_toml
 from metaid.models.tree import Tree, base_parameters
 from metaid.plant import (
     ARM_FILES,
@@ -57,7 +57,7 @@ def read_study(name: str | Path, changes: dict[str, Any] | None = None) -> Study
     def named(key: str, value: str) -> Path:
         if key in changes:
             return find_file("plants", value, PlantError)
-        found = find_file_beside("plants", value, path, PlantError)
+        found = find_file("plants", value, PlantError, path)
         if found.resolve().is_relative_to(path.parent.resolve()):
             refuse_parts_outside(found, path.parent)
         return found
