@@ -61,8 +61,8 @@ class SocketPlant:
     """
 
     def __init__(self, name: str, settings: SocketSettings) -> None:
-        self.name = name
-        self.settings = settings
+        self.name, self.settings = name, settings
+        self.njoint, self.timestep, self.gravity = settings.joints, settings.timestep, settings.gravity
         self._wire: Wire | None = None
         self._closed = False
         self._torque = np.zeros(settings.joints)
@@ -74,18 +74,6 @@ class SocketPlant:
     def times(self) -> Array | None:
         """Of the readings since the push (nreading), in s, as the plant tells them; None where it does not."""
         return np.array(self._times) if len(self._times) == self._tick + 1 else None
-
-    @property
-    def njoint(self) -> int:
-        return self.settings.joints
-
-    @property
-    def timestep(self) -> float:
-        return self.settings.timestep
-
-    @property
-    def gravity(self) -> float:
-        return self.settings.gravity
 
     def push(self, start: Start | ArmStart) -> None:
         """Raises PlantError where the protocol has no word for such a start, too."""
@@ -180,7 +168,9 @@ class SocketPlant:
             sizes = f"{len(angles)} angles and {len(speeds)} speeds"
             raise self._lost(f"tick {self._tick}: it answers with {sizes} of {self.njoint} joints")
         if tick[0] != self._tick:
-            raise self._lost(f"it is at tick {tick[0]:.17g} after {self._tick} steps: {self._why_tick(tick[0])}")
+            late = f"a torque came later than its timestep of {self.timestep:g} s allows"
+            why = late if tick[0] > self._tick else "its time does not go on"
+            raise self._lost(f"it is at tick {tick[0]:.17g} after {self._tick} steps: {why}")
         for name, readings in (("angle", angles), ("speed", speeds)):
             for joint in np.flatnonzero(~np.isfinite(readings))[:1]:
                 raise self._implausible(f"tick {self._tick}: the {name} of joint {joint + 1} is {readings[joint]}")
@@ -202,11 +192,6 @@ class SocketPlant:
                 f"(allowed: above 0, and below {LONGEST_TICK:g} timesteps)"
             )
         self._times.append(float(time[0]))
-
-    def _why_tick(self, tick: float) -> str:
-        if tick > self._tick:
-            return f"a torque came later than its timestep of {self.timestep:g} s allows"
-        return "its time does not go on"
 
     def _lost(self, why: str) -> LostPlant:
         self._hang_up()
