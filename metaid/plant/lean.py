@@ -13,7 +13,7 @@ from metaid.errors import usable_mujoco
 from metaid.models import Array, Chain
 from metaid.models.tree import Tree, planar_tree, tilted_gravity
 
-with usable_mujoco():
+with usable_mujoco():  # for all of the package: the modules that read descriptions take MuJoCo from here
     import mujoco
 
 SOLVED = 1e-15  # MuJoCo's own 1e-8 leaves as much of dry friction's acceleration wrong

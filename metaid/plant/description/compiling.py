@@ -11,13 +11,11 @@ from pathlib import Path
 from typing import TypeVar
 from xml.etree import ElementTree
 
-from metaid.errors import PlantError, usable_mujoco
+from metaid.errors import PlantError
 from metaid.plant.asked import SCHEME, refuse_absurd_sizes
 from metaid.plant.description.mending import mend_urdf
 from metaid.plant.description.repairing import BodyRepair, repair_inertias, repair_joints
-
-with usable_mujoco():
-    import mujoco
+from metaid.plant.lean import mujoco
 
 _BROKEN = (ValueError, RuntimeError, MemoryError, mujoco.FatalError)
 _warning_lock = threading.RLock()

@@ -8,12 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
-from metaid.errors import usable_mujoco
 from metaid.models import Array
 from metaid.models.tree import Tree
-
-with usable_mujoco():
-    import mujoco
+from metaid.plant.lean import mujoco
 
 # Where a body has two joints, MuJoCo joins them by nothing. A link must weigh something: it gets this share of the
 # body, which changes the motion by less than is compared anywhere.

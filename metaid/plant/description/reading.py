@@ -8,17 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
-from metaid.errors import PlantError, usable_mujoco
+from metaid.errors import PlantError
 from metaid.models import Array
 from metaid.models.tree import Tree
 from metaid.plant.arm_settings import ArmSettings, by_joint
 from metaid.plant.description.compiling import compile_file, gathered_warnings
 from metaid.plant.description.fusing import Whole, fuse, joint_name
 from metaid.plant.description.refusing import moving_joints, refuse_what_is_no_arm
-from metaid.plant.lean import arm_model
-
-with usable_mujoco():
-    import mujoco
+from metaid.plant.lean import arm_model, mujoco
 
 LIGHTEST = 1e-6  # kg, of a last link
 TOLERANCE = 1e-8  # relative: the lean model must move as the whole file does

@@ -7,11 +7,9 @@ from itertools import pairwise, takewhile
 
 import numpy as np
 
-from metaid.errors import BranchesError, PlantError, unknown, usable_mujoco
+from metaid.errors import BranchesError, PlantError, unknown
 from metaid.plant.description.fusing import Whole, body_name, joint_name
-
-with usable_mujoco():
-    import mujoco
+from metaid.plant.lean import mujoco
 
 MOST = 64  # joints, as many as a planar chain may have
 LARGEST = 1e6  # of every number in SI units: nobody has an arm that needs more

@@ -7,12 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from metaid.errors import usable_mujoco
 from metaid.models import Array
 from metaid.plant.description.refusing import LARGEST
-
-with usable_mujoco():
-    import mujoco
+from metaid.plant.lean import mujoco
 
 NOTHING = 1e-9  # kg, of a link that weighs nothing: MuJoCo moves none of no mass
 SMALL = 1e-3  # m: its radius of gyration

@@ -6,12 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from metaid.errors import usable_mujoco
 from metaid.models import Array
 from metaid.plant.description.fusing import Whole
-
-with usable_mujoco():
-    import mujoco
+from metaid.plant.lean import mujoco
 
 AROUND, ALONG = 20, 9  # triangles of a round shape
 MOST = 1500  # triangles of a mesh; of a finer one every other is left out, or more

@@ -15,16 +15,14 @@ from itertools import islice
 
 import numpy as np
 
-from metaid.errors import PlantError, usable_mujoco
+from metaid.errors import PlantError
 from metaid.models import Array
 from metaid.models.tree import Tree
 from metaid.plant.arm_plant import ArmPlant
 from metaid.plant.description.compiling import gathered_warnings
 from metaid.plant.description.fusing import Whole, body_name
+from metaid.plant.lean import mujoco
 from metaid.plant.start import ArmStart
-
-with usable_mujoco():
-    import mujoco
 
 SPEED = 3.0  # rad/s, of the fastest joint at most
 SLIDE = 1.0 / 3.0  # m/s of a slide for each rad/s of a hinge
