@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import threading
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TypeVar
 from xml.etree import ElementTree
 
 from metaid.errors import PlantError
@@ -19,7 +18,6 @@ from metaid.plant.lean import mujoco
 
 _BROKEN = (ValueError, RuntimeError, MemoryError, mujoco.FatalError)
 _warning_lock = threading.RLock()
-T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,11 +43,13 @@ def compile_file(path: Path, is_urdf: bool) -> CompiledFile:
     refuse_absurd_sizes(path)
     _refuse_xacro(path)
     with gathered_warnings() as warned:
-        spec, mended = _attempt(path, "read", lambda: _read(path, is_urdf))
-        if any("NaN" in warning for warning in warned):
-            raise PlantError(f"{path}: a number in it is NaN (allowed: finite numbers)")
-        _attempt(path, "read", lambda: _prepare(spec, path, is_urdf))
-        compiled = _attempt(path, "compile", lambda: _compile(spec, path, is_urdf))
+        with _attempting(path, "read"):
+            spec, mended = _read(path, is_urdf)
+            if any("NaN" in warning for warning in warned):
+                raise PlantError(f"{path}: a number in it is NaN (allowed: finite numbers)")
+            _prepare(spec, path, is_urdf)
+        with _attempting(path, "compile"):
+            compiled = _compile(spec, path, is_urdf)
     try:
         compiled.model.names.decode()
     except UnicodeDecodeError:
@@ -92,9 +92,10 @@ def _compile(spec: mujoco.MjSpec, path: Path, is_urdf: bool) -> CompiledFile:
     return CompiledFile(spec.compile(), lost, repairs)
 
 
-def _attempt(path: Path, what: str, do: Callable[[], T]) -> T:
+@contextmanager
+def _attempting(path: Path, what: str) -> Iterator[None]:
     try:
-        return do()
+        yield
     except _BROKEN as problem:
         raise PlantError(f"{path}: MuJoCo cannot {what} it: {problem}") from None
 
@@ -122,13 +123,12 @@ def _root(path: Path, kind: str) -> str:
         if path.exists() and not path.is_file():
             raise PlantError(f"{path}: not a file (allowed: the path of an {kind} file)")
         with path.open("rb") as file:
-            for _, element in ElementTree.iterparse(file, events=("start",)):
-                return str(element.tag).rpartition("}")[2]
+            _, element = next(ElementTree.iterparse(file, events=("start",)))
     except OSError as problem:
         raise PlantError(f"{path}: {problem.strerror} (allowed: the path of an {kind} file)") from None
     except (ElementTree.ParseError, ValueError) as problem:
         raise PlantError(f"{path}: not valid XML: {problem}") from None
-    raise PlantError(f"{path}: empty (allowed: an {kind} file)")
+    return str(element.tag).rpartition("}")[2]
 
 
 def _refuse_xacro(path: Path) -> None:
@@ -154,10 +154,8 @@ def _refuse_xacro(path: Path) -> None:
 
 def _weighs_as_said(spec: mujoco.MjSpec, body: mujoco.MjsBody) -> bool:
     """Whether the body's mass is as the file says, and not inferred from its shapes."""
-    rule = spec.compiler.inertiafromgeom
-    if rule == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE:
-        return False
-    return bool(body.explicitinertial)
+    is_inferred = spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
+    return not is_inferred and bool(body.explicitinertial)
 
 
 def _found(file: str, path: Path) -> str:

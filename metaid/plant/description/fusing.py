@@ -213,12 +213,9 @@ def _torque_limits(whole: Whole) -> Array:
         if model.actuator_forcelimited[actuator]:
             largest = np.abs(model.actuator_forcerange[actuator]).min()
         control = model.actuator_ctrladr[actuator]
-        fixed = model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_FIXED
-        if (
-            fixed
-            and model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_NONE
-            and model.actuator_ctrllimited[control]
-        ):
+        is_fixed = model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_FIXED
+        is_straight = model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_NONE
+        if is_fixed and is_straight and model.actuator_ctrllimited[control]:
             gain = abs(model.actuator_gainprm[actuator, 0])
             largest = min(largest, gain * np.abs(model.actuator_ctrlrange[control]).min())
         given[i] += abs(gear) * largest

@@ -105,26 +105,22 @@ def refuse_what_is_no_arm(source: str, whole: Whole) -> None:
 
 def _too_large(model: mujoco.MjModel) -> Iterator[tuple[str, str]]:
     """Numbers with which nothing can be computed."""
-    names: dict[str, Callable[[int], str]] = {
-        "body": lambda body: f"body '{body_name(model, body)}'",
-        "jnt": lambda joint: f"joint '{joint_name(model, joint)}'",
-        "dof": lambda degree: f"joint '{joint_name(model, int(model.dof_jntid[degree]))}'",
-        "actuator": lambda actuator: f"actuator '{model.actuator(actuator).name or actuator + 1}'",
-        "geom": lambda geom: f"a shape of body '{body_name(model, int(model.geom_bodyid[geom]))}'",
+    numbers: dict[str, tuple[str, Callable[[int], str]]] = {
+        "body": ("pos ipos mass inertia", lambda body: f"body '{body_name(model, body)}'"),
+        "jnt": ("pos range stiffness", lambda joint: f"joint '{joint_name(model, joint)}'"),
+        "dof": (
+            "armature damping frictionloss",
+            lambda degree: f"joint '{joint_name(model, int(model.dof_jntid[degree]))}'",
+        ),
+        "geom": ("pos size", lambda geom: f"a shape of body '{body_name(model, int(model.geom_bodyid[geom]))}'"),
+        "actuator": ("armature damping", lambda number: f"actuator '{model.actuator(number).name or number + 1}'"),
     }
-    numbers = {
-        "body": ("pos", "ipos", "mass", "inertia"),
-        "jnt": ("pos", "range", "stiffness"),
-        "dof": ("armature", "damping", "frictionloss"),
-        "geom": ("pos", "size"),
-        "actuator": ("armature", "damping"),
-    }
-    for kind, keys in numbers.items():
-        for key in keys:
+    for kind, (keys, named) in numbers.items():
+        for key in keys.split():
             for index, value in enumerate(getattr(model, f"{kind}_{key}")):
                 if (np.abs(value) <= LARGEST).all():
                     continue
-                met = f"{names[kind](index)} has {'pos' if key == 'ipos' else key} {np.abs(value).max():g}"
+                met = f"{named(index)} has {'pos' if key == 'ipos' else key} {np.abs(value).max():g}"
                 yield met, f"numbers up to {LARGEST:g}"
     for what, values in (
         ("gravity", model.opt.gravity),

@@ -58,9 +58,8 @@ def repair_joints(model: mujoco.MjModel) -> tuple[BodyRepair, ...]:
         values = getattr(model, f"dof_{key}")
         for degree in np.flatnonzero(values < 0.0).tolist():
             name = model.joint(int(model.dof_jntid[degree])).name
-            made.append(
-                BodyRepair(f"joint '{name}' has {key} {values[degree]:g}, which no joint has: 0 is taken", (name,))
-            )
+            text = f"joint '{name}' has {key} {values[degree]:g}, which no joint has: 0 is taken"
+            made.append(BodyRepair(text, (name,)))
             values[degree] = 0.0
     return tuple(made)
 
@@ -102,11 +101,8 @@ def _with_some(body: mujoco.MjsBody) -> str:
     """Gives a body that moves, and what is fixed to it, an inertia where they have none; what was done."""
     parts = list(_fixed(body))
     mass = sum(part.mass for part in parts)
-    if (
-        min(part.mass for part in parts) < 0.0
-        or not mass <= LARGEST
-        or (mass > 0.0 and any(_inertia(part).any() for part in parts))
-    ):
+    has_some = mass > 0.0 and any(_inertia(part).any() for part in parts)
+    if min(part.mass for part in parts) < 0.0 or not mass <= LARGEST or has_some:
         return ""
     if mass > 0.0:
         radius = (3.0 * mass / (4.0 * np.pi * DENSITY)) ** (1.0 / 3.0)
