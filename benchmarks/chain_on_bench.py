@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import tomli_w
 
-from metaid.plant import FaultSettings, PlantSettings, SocketSettings
+from metaid.plant import FaultSettings, PlantSettings, SocketSettings, of_each
 from metaid.store import Store
 from metaid.study import StudySpec, create_study
 from soak.bench.serving import bench
@@ -55,8 +55,8 @@ def of_faults(faults: FaultSettings, timestep: float, njoint: int) -> dict[str, 
     limit = faults.torque_limit
     return {
         **{name: float(getattr(faults, name)) for name in ALIKE},
-        "encoder_offset": float(faults.encoder_offsets(njoint)[0]),
-        "tilt": float(faults.tilts(1)[0]),
+        "encoder_offset": float(of_each(faults.encoder_offset, njoint)[0]),
+        "tilt": float(of_each(faults.tilt, 1)[0]),
         "delay": faults.delay * faults.control_every * timestep,
         "torque_limit": tuple(np.broadcast_to(0.0 if limit is None else limit, njoint).tolist()),
         "gains": tuple((np.broadcast_to(faults.torque_gain, njoint) - 1.0).tolist()),

@@ -15,7 +15,7 @@ from metaid.compiled.quiet import quiet_mujoco
 from metaid.compiled.stages import Step, fastest_step, forget, step_plant
 from metaid.episode import Episode, GoesOn, Record, States, WholeEpisodes, noise_of, record_of
 from metaid.models import Array
-from metaid.plant import ArmPlant, FaultyPlant, MujocoPlant, slope_weights
+from metaid.plant import ArmPlant, FaultyPlant, MujocoPlant, of_each, slope_weights
 
 
 def command(law, push, position, speed, torque):  # type: ignore[no-untyped-def]
@@ -74,7 +74,7 @@ class SensedLoop(WholeEpisodes):
         """
         plant, faults, episode = self.plant.inner, self.plant.faults, self.episode
         n, noise = plant.njoint, noise_of(self.plant, episode, number)
-        offsets, weights = faults.encoder_offsets(n), slope_weights(self.plant.timestep)
+        offsets, weights = of_each(faults.encoder_offset, n), slope_weights(self.plant.timestep)
         struck = [start.struck(each) for start, each in zip(episode.starts, noise.impulses, strict=True)]
         ran, fell = np.zeros(episode.npush, dtype=np.int64), np.zeros(episode.npush, dtype=np.bool_)
         angles, speeds = np.zeros((2, episode.npush, episode.steps + 1, n))
@@ -84,7 +84,7 @@ class SensedLoop(WholeEpisodes):
                 self.sent(law),
                 (start_states(plant, struck), self._expected),
                 (noise.angles, noise.speeds, faults.speed_sensor, faults.encoder_step, offsets, weights),
-                (faults.control_every, faults.torque_limits(n), faults.torque_gains(n), noise.torques),
+                (faults.control_every, of_each(faults.torque_limit, n), of_each(faults.torque_gain, n), noise.torques),
                 (episode.steps, episode.lead, episode.kind.ends_at_fall),
                 (np.zeros(n), np.zeros((faults.delay + 1, n))),
                 (ran, fell, angles, speeds),

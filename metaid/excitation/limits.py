@@ -12,7 +12,7 @@ from pydantic import Field
 from metaid.errors import PlantError
 from metaid.files import Settings, check, read_toml
 from metaid.models import Array
-from metaid.plant import ArmPlant, MujocoPlant, by_joint
+from metaid.plant import ArmPlant, MujocoPlant, by_joint, of_each
 
 MARGIN = 0.05  # of a joint's range that stays free at each end
 SWING, SLIDE = 1.5, 0.5  # rad, m: to either side of where a joint without limits is at home
@@ -56,7 +56,7 @@ def usual_limits(plant: ArmPlant | MujocoPlant) -> Limits:
     """What a robot's own file says, and where it says nothing what is usual. A chain hangs at rest."""
     tree, n = plant.tree, plant.njoint
     if isinstance(plant, MujocoPlant):
-        home, torque = np.where(np.arange(n) == 0, np.pi, 0.0), plant.settings.faults.torque_limits(n)
+        home, torque = np.where(np.arange(n) == 0, np.pi, 0.0), of_each(plant.settings.faults.torque_limit, n)
     else:
         home, torque = plant.home, tree.torque_limit
     low, high = tree.ranges(SWING, SLIDE, home)

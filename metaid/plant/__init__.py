@@ -8,7 +8,7 @@ plant file. MuJoCo is loaded when a simulated plant first moves.
 
 from metaid.plant.arm_plant import ArmPlant
 from metaid.plant.arm_settings import ArmSettings, by_joint
-from metaid.plant.faults import FaultSettings, Limit, Noise, draw, joint_limits, slope_weights, stream
+from metaid.plant.faults import FaultSettings, Limit, Noise, draw, of_each, slope_weights, stream
 from metaid.plant.faulty_plant import FaultyPlant
 from metaid.plant.loading import (
     ARM_FILES,

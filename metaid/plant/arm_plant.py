@@ -14,6 +14,7 @@ from metaid.errors import PlantError
 from metaid.models import Array, question_of_distances
 from metaid.models.tree import Tree, joint_torque, tilted_gravity
 from metaid.plant.arm_settings import ArmSettings
+from metaid.plant.faults import of_each
 from metaid.plant.simulated import SimulatedPlant
 from metaid.plant.start import ArmStart
 
@@ -68,7 +69,7 @@ class ArmPlant(SimulatedPlant):
         tree, faults = self.tree, self.settings.faults
         if (wrong := faults.misfits(tree.njoint, 2)) is not None:
             raise PlantError(f"plant {self.name}: {wrong}")
-        tilted = replace(tree, gravity=tilted_gravity(tree.gravity, faults.tilts(2)))
+        tilted = replace(tree, gravity=tilted_gravity(tree.gravity, of_each(faults.tilt, 2)))
         return arm_model(tilted, self.timestep, self.stiffness, self.slack)
 
     @cached_property

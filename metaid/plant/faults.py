@@ -27,11 +27,11 @@ Gain = Annotated[float, Field(ge=0.1, le=10)]
 PER_JOINT = ("torque_limit", "torque_gain", "encoder_offset")  # one number for all joints, or one each
 
 
-def joint_limits(limit: float | tuple[float, ...] | None, njoint: int) -> Array:
-    """What the motor of each joint (njoint) gives at most, in N m, where one number is said for all, one for each, or
-    none; inf then.
+def of_each(given: float | tuple[float, ...] | None, count: int) -> Array:
+    """What is `given` of each joint, or each axis of a tilt (count): one number for all, or one each; None is no limit,
+    so inf.
     """
-    return np.full(njoint, np.inf if limit is None else limit, dtype=np.float64)
+    return np.full(count, np.inf if given is None else given, dtype=np.float64)
 
 
 class FaultSettings(Settings):
@@ -86,22 +86,6 @@ class FaultSettings(Settings):
     def control_period(self, timestep: float) -> float:
         """Time between two torques, and between two readings, in s, where a physics step is a `timestep`."""
         return timestep * self.control_every
-
-    def torque_limits(self, njoint: int) -> Array:
-        """The largest torque of each joint (njoint), in N m; infinite where there is no limit."""
-        return joint_limits(self.torque_limit, njoint)
-
-    def torque_gains(self, njoint: int) -> Array:
-        """What each motor (njoint) delivers, as a multiple of what it is told to."""
-        return np.full(njoint, self.torque_gain, dtype=np.float64)
-
-    def encoder_offsets(self, njoint: int) -> Array:
-        """What each encoder (njoint) reads where its joint is straight, in rad."""
-        return np.full(njoint, self.encoder_offset, dtype=np.float64)
-
-    def tilts(self, count: int) -> Array:
-        """By how much the base is tilted about each of so many axes (count), in rad."""
-        return np.full(count, self.tilt, dtype=np.float64)
 
     def misfits(self, njoint: int, tilts: int) -> str | None:
         """What does not suit a plant of `njoint` joints whose base tilts about so many axes; None where all does."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from metaid.models import Array
 from metaid.plant.arm_plant import ArmPlant
-from metaid.plant.faults import Noise, draw, readings, slope_weights
+from metaid.plant.faults import Noise, draw, of_each, readings, slope_weights
 from metaid.plant.mujoco_plant import MujocoPlant
 from metaid.plant.start import ArmStart, Start
 
@@ -24,8 +24,9 @@ class FaultyPlant:
         self.faults = plant.settings.faults
         self.name, self.njoint = plant.name, plant.njoint
         self.timestep = self.faults.control_period(plant.timestep)
-        self._limits, self._gains = self.faults.torque_limits(plant.njoint), self.faults.torque_gains(plant.njoint)
-        self._offsets = self.faults.encoder_offsets(plant.njoint)
+        n = self.njoint
+        self._limits, self._gains = of_each(self.faults.torque_limit, n), of_each(self.faults.torque_gain, n)
+        self._offsets = of_each(self.faults.encoder_offset, n)
         self._weights = slope_weights(self.timestep)
 
     def begin(self, noise: Noise) -> None:

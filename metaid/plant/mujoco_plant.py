@@ -21,6 +21,7 @@ from metaid.models import (
     speeds_after,
 )
 from metaid.models.tree import Tree, planar_tree
+from metaid.plant.faults import of_each
 from metaid.plant.settings import PlantSettings, chain_of
 from metaid.plant.simulated import SimulatedPlant
 from metaid.plant.start import Start
@@ -78,7 +79,7 @@ class MujocoPlant(SimulatedPlant):
     @property
     def tilt(self) -> float:
         """Of the base, in rad."""
-        return float(self.settings.faults.tilts(1)[0])
+        return float(of_each(self.settings.faults.tilt, 1)[0])
 
     @property
     def felt_gravity(self) -> float:

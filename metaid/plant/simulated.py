@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from metaid.models import Array
 from metaid.models.tree import Tree
+from metaid.plant.faults import of_each
 
 if TYPE_CHECKING:
     from mujoco import MjData, MjModel
@@ -60,7 +61,7 @@ class SimulatedPlant(ABC):
 
     def true_angles(self, start: Any) -> Array:
         """Joint coordinates (njoint), in rad or m, where encoders read those of `start`."""
-        angles: Array = start.pose - self.settings.faults.encoder_offsets(len(start.pose))
+        angles: Array = start.pose - of_each(self.settings.faults.encoder_offset, len(start.pose))
         return angles
 
     @abstractmethod

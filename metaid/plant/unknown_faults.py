@@ -18,6 +18,7 @@ import numpy as np
 
 from metaid.models import Array, kind_of
 from metaid.plant.arm_plant import ArmPlant
+from metaid.plant.faults import of_each
 from metaid.plant.mujoco_plant import MujocoPlant
 
 FAULT_UNITS = {
@@ -63,13 +64,13 @@ def true_faults(plant: MujocoPlant | ArmPlant, kinds: Sequence[str]) -> Array:
     file keeps the truth. Friction of an arm is none of its faults.
     """
     faults, n = plant.settings.faults, plant.njoint
-    gains = faults.torque_gains(n)
+    gains = of_each(faults.torque_gain, n)
     true = {
         "delay": np.array([faults.delay * faults.control_period(plant.timestep)]),
-        "tilt": faults.tilts(plant.tilts),
-        "offset": faults.encoder_offsets(n),
+        "tilt": of_each(faults.tilt, plant.tilts),
+        "offset": of_each(faults.encoder_offset, n),
         "gain": gains[1:] / gains[0],
-        "limit": np.where(np.isfinite(limits := faults.torque_limits(n)), limits, np.nan),
+        "limit": np.where(np.isfinite(limits := of_each(faults.torque_limit, n)), limits, np.nan),
         **plant.hidden_forces,
     }
     none = {kind: np.zeros(len(fault_names((kind,), n, plant.tilts))) for kind in kinds}  # of what no file can say

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from metaid.plant import SocketSettings, joint_limits, slope_weights
+from metaid.plant import SocketSettings, of_each, slope_weights
 from metaid.study.arm import StudiedArm
 from metaid.study.calibration import QUIETEST_RIG, start_spread
 from metaid.study.chain import StudiedChain
@@ -27,7 +27,7 @@ def loop_of(spec: StudySpec, robot: StudiedArm | StudiedChain) -> Loop:
     from metaid.estimation import Loop  # loads numba, which most readers of a study do without
 
     wanted, lead = spec.study.estimate, spec.study.episode.lead
-    torque_limits = joint_limits(wanted.torque_limit, len(spec.joints))
+    torque_limits = of_each(wanted.torque_limit, len(spec.joints))
     if isinstance(spec.plant, SocketSettings):
         rig, pushed = spec.plant, spec.pushed  # None before it is measured
         is_continuous = rig.motion == "continuous"
