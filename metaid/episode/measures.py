@@ -75,14 +75,22 @@ def spectral_hz(acceleration_energy: Array, speed_energy: Array) -> float:
     return float(np.sqrt(acceleration_energy.sum() / total)) / (2.0 * np.pi) if total > 0.0 else 0.0
 
 
+def _nyquist_hz(_episode: Episode, timestep: float) -> float:
+    return 0.5 / timestep
+
+
+def _coasting_hz(episode: Episode, timestep: float) -> float:
+    return SPEED_RESOLUTION / (2.0 * np.pi * episode.steps * timestep)
+
+
 @dataclass(frozen=True)
 class Measure:
     """A number that an episode's record is turned into.
 
     Attributes:
         name: of it.
-        unit: of its values.
         value: of the record of an episode.
+        unit: of its values.
         resolution: within which two values are equally good in an episode of given timestep (s).
         ceiling: above every survivor's value, which falls are ranked by (Eq. 18).
         sees_coriolis: without it, what a search finds of the Coriolis lumps means nothing.
@@ -92,11 +100,11 @@ class Measure:
     """
 
     name: str
-    unit: str
     value: Callable[[Record, Episode], float]
-    resolution: Callable[[Episode, float], float]
-    ceiling: Callable[[Episode, float], float]
-    sees_coriolis: bool
+    unit: str = "Hz"
+    resolution: Callable[[Episode, float], float] = _coasting_hz
+    ceiling: Callable[[Episode, float], float] = _nyquist_hz
+    sees_coriolis: bool = True
     periods: Callable[[Record], NDArray[np.int64]] = lambda record: whole_periods(record.half_periods)
     keeps_angles: bool = False
     is_noisy: bool = False
@@ -107,58 +115,37 @@ class Measure:
         return np.concatenate(kinds)
 
 
-def _nyquist_hz(_episode: Episode, timestep: float) -> float:
-    return 0.5 / timestep
-
-
-def _coasting_hz(episode: Episode, timestep: float) -> float:
-    return SPEED_RESOLUTION / (2.0 * np.pi * episode.steps * timestep)
-
-
 MEASURES = {
     "count": Measure(
         name="count",
-        unit="periods",
         value=lambda record, episode: float(whole_periods(record.half_periods).sum()),
+        unit="periods",
         resolution=lambda episode, timestep: 0.5,
         ceiling=lambda episode, timestep: episode.pushes.size * (0.5 * episode.steps + 1.0),
         sees_coriolis=False,
     ),
     "crossing": Measure(
         name="crossing",
-        unit="Hz",
         value=lambda record, episode: float(crossing_hz(record.half_periods, record.crossing_span).mean()),
         resolution=lambda episode, timestep: 0.5 / (episode.steps * timestep),
-        ceiling=_nyquist_hz,
         sees_coriolis=False,
     ),
     "spectral": Measure(
         name="spectral",
-        unit="Hz",
         value=lambda record, episode: spectral_hz(record.acceleration_energy, record.speed_energy),
-        resolution=_coasting_hz,
-        ceiling=_nyquist_hz,
-        sees_coriolis=True,
     ),
     "smoothed": Measure(
         name="smoothed",
-        unit="Hz",
         value=lambda record, episode: smoothed_hz(np.array(record.angles), record.timestep, record.noise_floor),
         resolution=lambda episode, timestep: max(
             _coasting_hz(episode, timestep), NOISE_RESOLUTION * episode.noise_floor.spread
         ),
-        ceiling=_nyquist_hz,
-        sees_coriolis=True,
         keeps_angles=True,
         is_noisy=True,
     ),
     "kinetic": Measure(
         name="kinetic",
-        unit="Hz",
         value=lambda record, episode: min(kinetic_hz(record, episode), 0.5 / record.timestep),
-        resolution=_coasting_hz,
-        ceiling=_nyquist_hz,
-        sees_coriolis=True,
     ),
 }
 ANGLE_RULES = {"maxima": maxima_periods, "alternations": alternation_periods}
