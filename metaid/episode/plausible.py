@@ -18,6 +18,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from metaid.episode.pushes import natural_time
+from metaid.episode.readings import FINEST
 from metaid.errors import ImplausiblePlant
 from metaid.models import Array, Chain, mass_matrix
 
@@ -30,7 +32,6 @@ LAG = 0.03  # s, and by what a speed sensor that lags so much has missed
 SLACK = 0.5  # of the largest speed so far, by which a speed may differ from the slope of the angles in one step
 LEAP = 5.0  # times the acceleration that the nominal model allows, a joint may have
 COARSEST = 0.05  # rad: the resolution of an encoder that has not shown it yet
-FINEST = 1e-9  # rad: a smaller difference between two readings is rounding
 STUCK = 1e-3  # rad by which a joint may turn, by its speeds, while its angle stays the same
 STOPPED = 0.05  # rad through which a joint would have coasted that has seemed to stop all at once
 SLOPE = 0.03  # s before it stopped, over which its speed is that of the angles
@@ -109,7 +110,7 @@ class PushCheck:
         self._lumps = calibration.nominal.lumps
         self._weights = calibration.gravity * self._lumps.gravity
         self._two_joints = np.eye(len(self._weights)) + np.eye(len(self._weights), k=1)  # of a link: its own, the next
-        natural = np.sqrt(calibration.nominal.length.mean() / calibration.gravity)
+        natural = natural_time(calibration.nominal, calibration.gravity)
         self._window = max(round(WINDOW * natural / timestep), CONSTANT)
         self._slope_steps = max(round(SLOPE / timestep), 3)
         self._angle_noise = DEVIATIONS * calibration.angle_noise
@@ -123,9 +124,8 @@ class PushCheck:
             lambda joint: f"is at {angles[joint]:.4g} rad right after the push",
             lambda joint: f"within {UPRIGHT + self._angle_noise[joint]:.2g} rad of the upright",
         )
-        expected, tolerance = (
-            table[self._push] for table in (self._calibration.start_speeds, self._calibration.start_tolerance)
-        )
+        expected = self._calibration.start_speeds[self._push]
+        tolerance = self._calibration.start_tolerance[self._push]
         self._refuse(
             ~(np.abs(speeds - expected) <= tolerance),
             lambda joint: f"turns at {speeds[joint]:.4g} rad/s right after the push",

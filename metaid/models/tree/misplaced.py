@@ -22,10 +22,8 @@ def misplaced(tree: Tree, step: float) -> Iterator[tuple[int, Tree, float]]:
             place = tree.position.copy()
             place[joint, axis] += step
             yield joint, replace(tree, position=place), MISPLACED
-            turn = np.zeros((3, 3))
-            turn[(axis + 2) % 3, (axis + 1) % 3], turn[(axis + 1) % 3, (axis + 2) % 3] = step, -step
             rotation = tree.rotation.copy()
-            rotation[joint] = rotation[joint] @ (np.eye(3) + turn)
+            rotation[joint] = rotation[joint] @ (np.eye(3) + step * crossing(np.eye(3)[axis]))
             yield joint, replace(tree, rotation=rotation), TURNED
 
 
