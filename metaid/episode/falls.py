@@ -14,9 +14,7 @@ RICH_FALL_LIMIT = np.pi  # rad; a link that is pushed to 60° on purpose has not
 
 FALL_MARGIN = 1.5  # past the limit, a link this many times faster than any was right after the push has fallen
 
-RICH_RUNAWAY = (
-    5.0  # times what any link was right after a rich push: no candidate within a tenth of the truth gets there
-)
+RICH_RUNAWAY = 5.0  # times what any link was after a rich push: no candidate within a tenth of the truth gets there
 
 LARGEST_TURN = 1.0  # rad in a control step; beyond it nothing is controlled, nor simulated, any more
 

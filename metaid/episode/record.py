@@ -98,15 +98,10 @@ class Record:
 
     def first(self, pushes: int) -> Record:
         """What the first `pushes` showed, as if the episode had these alone; windows and readings keep their shape."""
+        of_pushes = ("steps", "fell", "half_periods", "crossing_span", "speed_energy", "acceleration_energy", "angles")
         return replace(
             self,
-            steps=self.steps[:pushes],
-            fell=self.fell[:pushes],
-            half_periods=self.half_periods[:pushes],
-            crossing_span=self.crossing_span[:pushes],
-            speed_energy=self.speed_energy[:pushes],
-            acceleration_energy=self.acceleration_energy[:pushes],
-            angles=self.angles[:pushes],
+            **{name: getattr(self, name)[:pushes] for name in of_pushes},
             noise_floor=self.noise_floor * pushes / len(self.steps),
             windows=None if self.windows is None else self.windows.first(pushes),
             readings=None if self.readings is None else self.readings.first(pushes),

@@ -45,8 +45,8 @@ def chain_of_lumps(lumps: Lumps, nominal: Chain, known: NDArray[np.bool_]) -> Ch
     first, second = link_pairs(n)
     pairs = n + np.arange(len(first))
     told = np.isin(np.arange(n), first[known[pairs]])  # lengths that a Coriolis lump tells
-    design = np.zeros((len(logs), 2 * n + len(logs) - n - len(first)))  # logs of lumps by those of l, μ and d
     others = np.delete(np.arange(len(logs)), pairs)
+    design = np.zeros((len(logs), n + len(others)))  # logs of lumps by those of l, μ and d
     design[others, n + np.arange(len(others))] = 1.0
     design[pairs, first] = design[pairs, n + second] = 1.0
     unknowns = np.concatenate([np.log(nominal.length), logs[others]])

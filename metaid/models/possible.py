@@ -14,9 +14,7 @@ from metaid.models.lumps import Array
 
 LEAST_GYRATION = 1e-3  # of a link's length: a radius of gyration below it is no body's, but a point's
 LEAST_MASS_EIGENVALUE = 1e-10  # of the mass matrix with a unit diagonal; below it rounding decides how the chain moves
-MIN_STEPS_PER_RADIAN = (
-    5.0  # a chain that turns through a radian of its fastest mode in fewer steps is not simulated but guessed
-)
+MIN_STEPS_PER_RADIAN = 5.0  # of a chain's fastest mode: in fewer steps its motion is not simulated but guessed
 # What is not beyond doubt, in SI units; a rod of steel that weighs HEAVIEST a metre is as thick as a thigh.
 SHORTEST, LONGEST = 1e-3, 20.0  # m of a link
 LIGHTEST, HEAVIEST = 1e-4, 300.0  # kg of a metre of a link

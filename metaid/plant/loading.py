@@ -16,11 +16,8 @@ from metaid.plant.settings import PlantSettings
 from metaid.plant.socket_plant import SocketPlant, SocketSettings
 from metaid.plant.wire import FORMS
 
-ARM_FILES = {
-    ".xml": "mjcf",
-    ".urdf": "urdf",
-    ".xacro": "urdf",
-}  # endings of what describes an arm, and the key that names it
+# Endings of what describes an arm, and the key of a plant file that names it.
+ARM_FILES = {".xml": "mjcf", ".urdf": "urdf", ".xacro": "urdf"}
 PLANT_KEYS = {"links", "socket", "mjcf", "urdf"}  # each plant file has one of them
 DICT = Path("dict")  # how messages name a plant that is in no file
 AnySettings = PlantSettings | SocketSettings | ArmSettings

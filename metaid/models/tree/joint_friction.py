@@ -178,11 +178,9 @@ class JointFriction:
         def rows(every: Sequence[Array]) -> Array:
             return np.repeat(every, counts, axis=0)
 
-        presliding, still, bent = (
-            rows([getattr(each, name) for each in slidings]) for name in ("presliding", "still", "bent")
-        )
+        how = {name: rows([getattr(each, name) for each in slidings]) for name in ("presliding", "still", "bent")}
         terms = {term: rows([each.of(term) for each in robots]) for each in robots for term in each.terms}
-        sliding = Sliding(presliding, still, bent, slidings[0].coupled)
+        sliding = Sliding(**how, coupled=slidings[0].coupled)
         return cls(sliding, terms, rows([each.coupled_rotor for each in robots]))
 
     def of(self, term: str) -> Array:
