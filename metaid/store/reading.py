@@ -45,11 +45,12 @@ def read_trials(connection: sa.Connection, study_id: int, names: Sequence[str]) 
         .order_by(trial.trial_id)
     )
     rows = connection.execute(query).all()
-    is_own = own_rows(json.loads(_attribute(connection, study_id, DIGEST)), [row[5] for row in rows])
+    digest, joint_count = _made_from(connection, study_id)
+    is_own = own_rows(digest, [row[5] for row in rows])
     heads = [row for row, own in zip(rows, is_own, strict=True) if own]
     others = [row for row, own in zip(rows, is_own, strict=True) if not own]
     trials = Own(connection, study_id, {row[0]: i for i, row in enumerate(heads)}, alone=not others)
-    own_trials = _own_trials(trials, heads, names)
+    own_trials = _own_trials(trials, heads, names, joint_count)
     experiments, values, with_motion = _evaluated(connection, study_id) if others else ({}, {}, set[int]())
     foreign = tuple(
         ForeignTrial(int(row[1]), row[2].name, experiments.get(row[0]), values.get(row[0])) for row in others
@@ -71,12 +72,26 @@ def _evaluated(connection: sa.Connection, study_id: int) -> tuple[dict[int, str]
     return experiments, values, set(connection.scalars(motions.where(*where)))
 
 
-def _own_trials(trials: Own, heads: Sequence[Any], names: Sequence[str]) -> list[Trial]:
-    """The trials with these `heads`: id, Optuna's number, state, begin and end."""
+def _made_from(connection: sa.Connection, study_id: int) -> tuple[str, int]:
+    """The digest of a study's settings; and how many joints its plant has, and so how many counts of periods each
+    trial.  Raises ValueError or LookupError where the study does not say so.
+    """
+    attribute = STUDY_ATTRIBUTES.c
+    where = attribute.study_id == study_id, attribute.key.in_((DIGEST, JOINTS_KEY))
+    rows = connection.execute(sa.select(attribute.key, attribute.value_json).where(*where))
+    texts = {key: str(text) for key, text in rows}
+    joint_count = int(texts[JOINTS_KEY])
+    if not 1 <= joint_count <= MOST_JOINTS:
+        raise ValueError("not a number of joints")
+    return json.loads(texts[DIGEST]), joint_count
+
+
+def _own_trials(trials: Own, heads: Sequence[Any], names: Sequence[str], joint_count: int) -> list[Trial]:
+    """The trials with these `heads`: id, Optuna's number, state, begin and end; so many counts of periods each."""
     states = [head[2] for head in heads]
     key, value = TRIAL_PARAMS.c.param_name, TRIAL_PARAMS.c.param_value
     factors = trials.table(key, value, names, float)
-    outcomes = trials.outcomes(states, _joint_count(trials.connection, trials.study_id))
+    outcomes = trials.outcomes(states, joint_count)
     motions = trials.motions()
     whole = (
         len(factors) == len(outcomes) == len(heads)
@@ -97,21 +112,3 @@ def _own_trials(trials: Own, heads: Sequence[Any], names: Sequence[str]) -> list
         )
         for i, (head, row, (generation, outcome)) in enumerate(zip(heads, factors, outcomes, strict=True))
     ]
-
-
-def _joint_count(connection: sa.Connection, study_id: int) -> int:
-    """How many joints the study's plant has, and so how many counts of periods each trial.  Raises ValueError."""
-    stored = int(_attribute(connection, study_id, JOINTS_KEY))
-    if not 1 <= stored <= MOST_JOINTS:
-        raise ValueError("not a number of joints")
-    return stored
-
-
-def _attribute(connection: sa.Connection, study_id: int, key: str) -> str:
-    """The JSON of a study's attribute.  Raises LookupError where it has none."""
-    attribute = STUDY_ATTRIBUTES.c
-    where = attribute.study_id == study_id, attribute.key == key
-    text = connection.scalar(sa.select(attribute.value_json).where(*where))
-    if text is None:
-        raise LookupError(key)
-    return str(text)
