@@ -10,7 +10,7 @@ from collections.abc import Callable
 from contextlib import closing
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -35,43 +35,41 @@ MOST_TRIALS, MOST_BESIDE = 32, 12  # that an estimate is made of, and where the 
 class Problem:
     """All that a study's settings determine before any trial. Nothing is pushed before the episode is asked for.
 
-    Raises StudyError where the settings contradict each other, those of the pushes when they are asked for, as by
-    `check`.
+    Attributes:
+        spec: the settings.
+        robot: what differs between a chain and an arm.
+        nominal: its nominal model, a `Chain` or a `Tree`.
+        names: of a candidate's numbers (n).
+        low: the least that each of them may be (n).
+        high: the largest (n).
+        measure: what is measured.
+        timestep: time between two control steps, in s.
+
+    Raises:
+        StudyError: the settings contradict each other, those of the pushes when they are asked for, as by `check`.
     """
 
     def __init__(self, spec: StudySpec) -> None:
         self.spec = spec
         check_settings(spec)
         self.robot: StudiedArm | StudiedChain = StudiedArm(spec) if spec.is_arm else StudiedChain(spec)
-        self.low, self.high = self.robot.low, self.robot.high
+        self.nominal: Any = self.robot.nominal
+        self.names, self.low, self.high = self.robot.names, self.robot.low, self.robot.high
+        self.measure: Measure = self.robot.measure
+        self.timestep = spec.timestep
         self._remembered: dict[bytes, Any] = {}  # of its experiments
 
     @property
     def chain(self) -> StudiedChain:
         """The robot of a study of a chain."""
-        assert not self.spec.is_arm, "it is of an arm"
-        return cast("StudiedChain", self.robot)
+        assert isinstance(self.robot, StudiedChain), "it is of an arm"
+        return self.robot
 
     @property
     def arm(self) -> StudiedArm:
         """The robot of a study of an arm."""
-        assert self.spec.is_arm, "it is of a chain"
-        return cast("StudiedArm", self.robot)
-
-    @property
-    def nominal(self) -> Any:
-        """The nominal model, a `Chain` or a `Tree`."""
-        return self.robot.nominal
-
-    @property
-    def names(self) -> list[str]:
-        """Of a candidate's numbers (n)."""
-        return self.robot.names
-
-    @property
-    def measure(self) -> Measure:
-        """What is measured."""
-        return self.robot.measure
+        assert isinstance(self.robot, StudiedArm), "it is of a chain"
+        return self.robot
 
     @property
     def episode(self) -> Episode:
@@ -86,11 +84,6 @@ class Problem:
     def is_matching(self) -> bool:
         """Whether the sampler works by the estimate. Where that explains nothing, no best trial is the result."""
         return SAMPLERS[self.spec.study.sampler].by_estimate
-
-    @property
-    def timestep(self) -> float:
-        """Time between two control steps, in s."""
-        return self.spec.timestep
 
     @property
     def question(self) -> str | None:
