@@ -15,9 +15,6 @@ if TYPE_CHECKING:
     import optuna
 
 
-OTHER_VERSION = "was made by another version of metaid"
-
-
 def create_study(store: Store, spec: StudySpec, name: str | None = None) -> str:
     """Puts a study without trials into the DB and returns its name.  Raises StorageError if the name is taken.
 
@@ -87,10 +84,7 @@ def question(spec: StudySpec) -> str | None:
 
 def stored_spec(store: Store, name: str) -> StudySpec:
     """The settings that a study in the DB was made from.  Raises StorageError."""
-    try:
-        return StudySpec.model_validate_json(store.spec(name))
-    except ValueError:
-        raise StorageError(f"{store.url}: study '{name}' {OTHER_VERSION}") from None
+    return _read(store.spec(name), f"{store.url}: study '{name}'")
 
 
 def optuna_spec(study: optuna.Study) -> StudySpec | None:
@@ -98,10 +92,15 @@ def optuna_spec(study: optuna.Study) -> StudySpec | None:
     is; None where it has none yet.  Raises StorageError.
     """
     settings = study.user_attrs.get(SPEC_KEY)
+    return None if settings is None else _read(json.dumps(settings), f"the Optuna study '{study.study_name}'")
+
+
+def _read(settings: str, study: str) -> StudySpec:
+    """The settings (JSON) of a study, as messages call it."""
     try:
-        return None if settings is None else StudySpec.model_validate_json(json.dumps(settings))
+        return StudySpec.model_validate_json(settings)
     except ValueError:
-        raise StorageError(f"the Optuna study '{study.study_name}' {OTHER_VERSION}") from None
+        raise StorageError(f"{study} was made by another version of metaid") from None
 
 
 def delete_study(store: Store, name: str) -> None:
