@@ -14,9 +14,11 @@ from hashlib import blake2b
 from pathlib import Path
 from typing import Any
 
+from threadpoolctl import threadpool_limits
+
 import metaid
 from metaid.store import ForeignTrial, Lease, Store, Trial
-from metaid.study.estimates.making import study_estimate, watched_trials
+from metaid.study.estimates.making import estimate_of, watched_trials
 from metaid.study.estimates.study_estimate import StudyEstimate
 from metaid.study.estimates.text import text_of, value_of
 from metaid.study.problem import Problem
@@ -65,7 +67,9 @@ def estimate_from(kept: Any, problem: Problem, trials: Sequence[Trial], foreign:
 
 def _made(problem: Problem, trials: Sequence[Trial], foreign: Sequence[ForeignTrial]) -> str:
     """The text of the estimate that is made of all trials."""
-    return text_of(study_estimate(problem, trials, foreign))
+    with threadpool_limits(1):  # at these sizes BLAS threads cost far more than they give
+        experiment, watched, others = watched_trials(problem, trials, foreign)
+        return text_of(None if experiment is None else estimate_of(experiment, watched, others))
 
 
 def _is_of(problem: Problem, trials: Sequence[Trial], foreign: Sequence[ForeignTrial]) -> dict[str, Any]:

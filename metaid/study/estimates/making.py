@@ -8,7 +8,6 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from metaid.episode import QUANTITIES, Outcome
 from metaid.store import ForeignTrial, Trial, outcome_attributes
@@ -21,7 +20,7 @@ CLOSE = 1e-3  # of what an unknown is a multiple of: so near its last value an e
 
 
 def watched_trials(
-    problem: Problem, trials: Sequence[Trial], foreign: Sequence[ForeignTrial] = ()
+    problem: Problem, trials: Sequence[Trial], foreign: Sequence[ForeignTrial]
 ) -> tuple[Any, tuple[Any, ...], int]:
     """The experiment of a study, and its trials as that has them, metaid's own before the `foreign` ones, at most
     MOST_TRIALS of each; and of how many others there are. No experiment where none can be made.
@@ -34,17 +33,6 @@ def watched_trials(
         return None, (), 0
     seen = (experiment.trial(each.factors, each.outcome) for each in shown)
     return experiment, tuple(trial for trial in seen if trial is not None), len(others)
-
-
-def study_estimate(
-    problem: Problem, trials: Sequence[Trial], foreign: Sequence[ForeignTrial] = ()
-) -> StudyEstimate | None:
-    """The estimate from the `trials` of the study of this `problem`, and after these from those of the
-    `foreign` ones that carry its motion. None where there is none to be made.
-    """
-    with threadpool_limits(1):  # at these sizes BLAS threads cost far more than they give
-        experiment, watched, others = watched_trials(problem, trials, foreign)
-        return None if experiment is None else estimate_of(experiment, watched, others)
 
 
 def estimate_of(experiment: Any, trials: tuple[Any, ...], by_others: int = 0) -> StudyEstimate | None:
