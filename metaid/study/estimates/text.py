@@ -30,17 +30,9 @@ from metaid.estimation import (
 )
 from metaid.study.estimates.study_estimate import StudyEstimate
 
-_CLASSES: tuple[type, ...] = (
-    StudyEstimate,
-    Estimate,
-    ArmEstimate,
-    FoundFaults,
-    SearchedFaults,
-    TakenUp,
-    Proposal,
-)
-_CLASSES += Unmodelled, HeldOutPushes, Prediction
-KEPT = {one.__name__: one for one in _CLASSES}
+_OF_ESTIMATE = StudyEstimate, Estimate, ArmEstimate, FoundFaults, SearchedFaults
+_SAID_OF_IT = TakenUp, Proposal, Unmodelled, HeldOutPushes, Prediction
+KEPT: dict[str, Any] = {one.__name__: one for one in (*_OF_ESTIMATE, *_SAID_OF_IT)}
 LARGEST = 500_000_000  # bytes of JSON: a text that claims more was not written by metaid
 
 
