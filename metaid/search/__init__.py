@@ -12,4 +12,4 @@ from metaid.search.optuna_samplers import MetricSampler, candidate_space, tpe_fo
 from metaid.search.output_error import OutputError, OutputErrorOptions
 from metaid.search.registry import SAMPLERS, Sampler, SamplerOptions, make_searcher
 from metaid.search.searcher import Searcher, StepOptions
-from metaid.search.sensitivity import arm_sensitivity, designed_speeds, sensitivity
+from metaid.search.sensitivity import SAMPLES, arm_sensitivity, designed_speeds, sensitivity

@@ -10,7 +10,7 @@ from metaid.episode import Measure, get_measure
 from metaid.errors import EpisodeError, StudyError, unknown
 from metaid.models import FRICTION, IDEAL, Array, Chain, factors_from_names
 from metaid.plant import FAULT_UNITS
-from metaid.search import SAMPLERS
+from metaid.search import SAMPLERS, SAMPLES
 from metaid.study.settings import EpisodeSettings, EstimateSettings, Factors, SearchSettings
 from metaid.study.spec import StudySpec
 
@@ -18,7 +18,6 @@ MOST_STEPS = 100_000_000  # of a trial: some ten seconds of a core at two links,
 MOST_MEMORY = 8 * 2**30  # bytes
 AT_ONCE = 32  # trials of a generation whose angles are kept until their measure is known
 RESTS = 200  # horizons of a push for which the readings of a noisy plant at rest are watched
-SAMPLED = 40  # times after each push at which the nominal model is looked at (`search/sensitivity.py`)
 NUMBER = 8  # bytes
 OF_JOINTS = ("viscous", "dry", "rotor")  # faults that are among the base parameters of an arm
 HIGH = 2.0  # upper bound of a factor by default
@@ -128,7 +127,7 @@ def check_size(spec: StudySpec, pushes: int, steps: int) -> None:
     copies = RESTS / pushes if measure.is_noisy else 0.0  # readings of a plant at rest
     copies += (5 if faulty else 0) * spec.study.workers  # noise of three kinds, angles and speeds
     copies += AT_ONCE if measure.keeps_angles and not faulty else 0
-    coasting = pushes * SAMPLED * njoint * (njoint + len(spec.names)) * NUMBER  # Eq. 15
+    coasting = pushes * SAMPLES * njoint * (njoint + len(spec.names)) * NUMBER  # Eq. 15
     needed = copies * pushes * (steps + 1) * njoint * NUMBER + coasting
     if needed > MOST_MEMORY:
         raise StudyError(
