@@ -1,4 +1,5 @@
-"""What a study file says, checked entry by entry: the same tables for chains and arms.
+"""What a study file says, checked entry by entry: the same tables for chains and arms. What each key means, and its
+unit, is said in docs/keys.toml, for each of these classes.
 
 A class of keys that only one kind of robot has is an `OfChain` or an `OfArm`; `refuse_unsuited` is the one rule that
 keeps them from the other.
@@ -6,7 +7,7 @@ keeps them from the other.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
@@ -53,21 +54,14 @@ class NominalSettings(OfChain):
 
 
 class DrawnNominalSettings(OfArm):
-    """`[nominal]`: a nominal arm that is drawn at random, with a `seed`, about the arm of a `plant` file. Masses,
-    moments of inertia and centres of mass are as wrong as `[estimate]` says that they may be, friction and rotors are
-    not known.
-    """
+    """`[nominal]`: a nominal arm that is drawn at random about another."""
 
     plant: str
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
 
 
 class LumpSearchSettings(OfChain):
-    """`[search]` of a chain: the kinds of `lumps` that are searched, "gravity" and "coriolis" and, if wanted, "damping"
-    and "coulomb"; bounds `low`, `high` and `start` as factors of the nominal lumps, one for all or a table by lump
-    name (`upper_bounds` has the default of `high`); whether a bound that holds the search back may be moved away, once
-    (`widen`; default: yes, but for a rig); the coordinates.
-    """
+    """`[search]` of a chain; `contradictions.upper_bounds` has the default of `high`."""
 
     lumps: Annotated[tuple[Literal["gravity", "coriolis", "damping", "coulomb"], ...], Field(strict=False)] = (
         "gravity",
@@ -88,18 +82,13 @@ class LumpSearchSettings(OfChain):
 
 
 class SearchSettings(LumpSearchSettings, SamplerOptions):
-    """`[search]`: a `target` of the measure at which the search may stop, and the options of the sampler."""
+    """`[search]`, with the options of all samplers."""
 
     target: Annotated[float, Field(ge=0)] | None = None
 
 
 class StruckSettings(OfChain):
-    """`[episode]` of a chain: the `measure`, and for "count" its counting `rule`; `pushes`: "rich", "designed" (the
-    best of many rich sets, by the nominal model), "tip", or a list of impulses in N s, one per link tip; for the first
-    two their `count` (default 2 per link); for all three the `peak_speed` in rad/s; `steps` after each push; the
-    `fall_limit` in rad, the `fall_margin` (0: past the limit is fallen, however slow) and the `fall_runaway` beyond
-    which a link has fallen wherever it is; `repeats` of every push, which average noise.
-    """
+    """`[episode]` of a chain; an impulse of a list of `pushes` is that at the tip of a link."""
 
     measure: str = "spectral"
     rule: str | None = None
@@ -114,11 +103,7 @@ class StruckSettings(OfChain):
 
 
 class LedSettings(OfArm):
-    """`[episode]` of an arm: how many pushes coast, `coasts` (default: 2 a joint), and how many swing as on springs,
-    `springs` (default: 1 a joint), with the `stiffness` k in 1/s² of the q̈ = −k (q − q₀) that their law asks for
-    (default: by the torque limits); how long each is, `horizon` in s; the `speed` of the fastest joint at a start in
-    rad/s; how many times faster a joint must be to have run away, `runaway`.
-    """
+    """`[episode]` of an arm."""
 
     coasts: Annotated[int, Field(ge=1, le=1000)] | None = None
     springs: Annotated[int, Field(ge=0, le=1000)] | None = None
@@ -129,20 +114,14 @@ class LedSettings(OfArm):
 
 
 class EpisodeSettings(LedSettings, StruckSettings):
-    """`[episode]`: the `lead` in s, for a plant whose torques come late: the law gets the angles that the speeds lead
-    to by then.
-    """
+    """`[episode]`; a law with a `lead` gets the angles that the speeds lead to by then."""
 
     lead: Annotated[float, Field(ge=0, le=1)] = 0.0
 
 
 class LumpEstimateSettings(OfChain):
-    """`[estimate]` of a chain. `lumps`: the kinds that are unknown (default: gravity, coriolis and inertia, and those
-    of friction that the study searches). `lengths`: "free", or "exact" where the Coriolis lumps follow from the nominal
-    lengths and the gravity lumps. `compare`: the "speed" that each push changes, the "frequency" of each joint, "both"
-    (default: speed after short pushes, frequency after long ones), or the "count" of its half periods, of which the
-    result is the set of models that count the same. `spread`: by how much the nominal lumps may be wrong, as a standard
-    deviation.
+    """`[estimate]` of a chain. What is compared is the "speed" that each push changes, the "frequency" of each joint,
+    "both", or the "count" of its half periods, of which the result is the set of models that count the same.
     """
 
     lumps: (
@@ -162,10 +141,7 @@ class LumpEstimateSettings(OfChain):
 
 
 class PriorSettings(OfArm):
-    """`[estimate]` of an arm: how wrong the nominal one may be, as standard deviations: of each link's `mass`, of its
-    centre of mass `com` as a share of its distance from the joint, of its moments of `inertia`; of each joint's
-    `rotor`, `damping` and dry friction `coulomb`, as shares of the joint's torque (docs/method.md, Eq. 54).
-    """
+    """`[estimate]` of an arm: how wrong the nominal one may be, as standard deviations (docs/method.md, Eq. 54)."""
 
     mass: Share = 0.3
     com: Share = 0.15
@@ -181,24 +157,15 @@ class PriorSettings(OfArm):
 
 
 class EstimateSettings(PriorSettings, LumpEstimateSettings):
-    """`[estimate]`. `enabled`: whether an estimate is made of the trials at all. `faults`: what else of the plant is
-    unknown (`metaid.plant.unknown_faults`), or "proposed", where such faults are taken up once nothing explains the
-    trials without them; the plant file is not asked for these. `teeth`: how many times a turn cogging repeats; 0 where
-    that is not known, and is found where faults are taken up. `torque_limit`: what the motors give at most, in N m, one
-    number or one a joint, as far as you know; the plant file is not asked.
+    """`[estimate]`. `faults` are what else of the plant is unknown (`metaid.plant.unknown_faults`), or "proposed",
+    where such faults are taken up once nothing explains the trials without them. The plant file is not asked for these,
+    nor for the torque limit.
     """
 
     enabled: bool = True
     faults: Annotated[tuple[FaultKind, ...], Field(strict=False)] | Literal["proposed"] = ()
     teeth: Annotated[int, Field(ge=0, le=1000)] = 0
     torque_limit: Limit | Annotated[tuple[Limit, ...], Field(min_length=1, strict=False)] | None = None
-
-    @property
-    def of_rig(self) -> Self:
-        """The same of a rig: a real machine has faults, so they are taken up unless the file says which to search."""
-        if "faults" in self.model_fields_set or not self.enabled:
-            return self
-        return self.model_copy(update={"faults": "proposed"})
 
     @property
     def searched_faults(self) -> tuple[str, ...]:
@@ -254,8 +221,9 @@ def with_defaults(study: StudySettings, is_arm: bool, is_rig: bool) -> StudySett
     changes: dict[str, Any] = {key: value for key, value in unsaid.items() if key not in study.model_fields_set}
     if is_arm and "sigma" not in study.search.model_fields_set:
         changes["search"] = study.search.model_copy(update={"sigma": ARM_STEP})
-    if is_rig:
-        changes["estimate"] = study.estimate.of_rig
+    if is_rig and study.estimate.enabled and "faults" not in study.estimate.model_fields_set:
+        # A real machine has faults, so they are taken up unless the file says which to search.
+        changes["estimate"] = study.estimate.model_copy(update={"faults": "proposed"})
     return study.model_copy(update=changes)
 
 
