@@ -56,18 +56,9 @@ class TreeSettings(Settings):
         for name, nothing in OPEN.items():
             written[name] = [nothing if value is None else value for value in written[name]]
         names, parameters = written.pop("names"), written.pop("parameters")
-        none = np.zeros(len(names))
-        bodiless = Tree(
-            names=names,
-            **{name: np.array(value) for name, value in written.items()},
-            mass=none + 1.0,
-            com=np.zeros((len(names), 3)),
-            inertia=np.zeros((len(names), 3, 3)),
-            rotor=none,
-            damping=none,
-            coulomb=none,
-        )
-        return bodiless.with_parameters(np.array(parameters))
+        geometry = {name: np.array(value) for name, value in written.items()}
+        bodies: dict[str, Any] = dict.fromkeys(("mass", "com", "inertia", "rotor", "damping", "coulomb"), np.zeros(0))
+        return Tree(names=names, **geometry, **bodies).with_parameters(np.array(parameters))  # which says all of these
 
 
 class ArmPlantSettings(Settings):
