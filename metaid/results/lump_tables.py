@@ -72,7 +72,7 @@ def fault_table(study: StoredStudy, is_result: bool) -> pd.DataFrame:
     problem, found, kinds = study.problem, study.estimate, study.spec.study.estimate.searched_faults
     if found is not None and found.estimate.faults is not None:
         kinds = found.estimate.faults.searched.kinds
-    names = fault_names(kinds, len(problem.spec.joints), problem.robot.tilts)
+    names = fault_names(kinds, len(problem.spec.joints), problem.robot.unknowns.tilts)
     nothing = np.full(len(names), np.nan)
     # Here, and only here, the truth meets the result.
     true = true_faults(problem.robot.plant(), kinds) if problem.spec.is_simulated else nothing

@@ -107,8 +107,10 @@ class Problem:
 
     @property
     def draws_episodes(self) -> bool:
-        """Whether figures may ask for more episodes: a rig is not moved for a picture."""
-        return self.spec.is_simulated and self.robot.draws_candidates
+        """Whether figures may ask for more episodes: a rig is not moved for a picture, and the bounds of an arm are too
+        far away for what is between them.
+        """
+        return self.spec.is_simulated and not self.spec.is_arm
 
     # What a run asks.
 
