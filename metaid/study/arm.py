@@ -26,10 +26,8 @@ FARTHEST = 10.0  # standard deviations of the prior: no base parameter beyond is
 
 
 class StudiedArm:
-    """A nominal arm, how candidates differ from it, and how it is pushed."""
+    """A nominal arm, how candidates differ from it, and how it is pushed. What is not said here `StudiedChain` says."""
 
-    tilts = 2  # axes about which a base may be tilted
-    draws_candidates = False  # for a picture: bounds are too far away for what is between them
     faint, gentler = "push more, or faster", "begin nearer, or slower, or let motors give more"
     all_fell = "a push fell in every trial: begin nearer, or slower"
     far_off = "; with dry friction, or noise, no law comes so near"
@@ -72,22 +70,18 @@ class StudiedArm:
 
     @property
     def push_titles(self) -> list[str]:
-        """What the pushes of an episode are called (npush)."""
         stiffness = self.episode.springs.tolist()
         return [f"push {i + 1}: {'springs' if each else 'coast'}" for i, each in enumerate(stiffness)]
 
     def calibrated(self, rig: SocketPlant) -> PushedSettings:
-        """What is measured at the `rig` of the study."""
         return calibrate_arm(rig, self.nominal, [each.start for each in self.spec.starts])
 
     def plant(self) -> ArmPlant:
-        """The simulated plant of the study."""
         name, plant = self.spec.plant_name, self.spec.simulated
         settings = ArmSettings(mjcf=name, **{key: value for key, value in plant if key != "arm"})
         return ArmPlant(name, settings, plant.arm.tree)
 
     def nominal_plant(self) -> ArmPlant:
-        """The nominal arm as a plant, with the faults of the plant file but for those that are searched."""
         faults = self.spec.faults.without(self.spec.study.estimate.undeclared_faults)
         settings = ArmSettings(mjcf="nominal", timestep=self.spec.plant.timestep, faults=faults)
         return ArmPlant("nominal", settings, self.nominal)
@@ -121,14 +115,12 @@ class StudiedArm:
 
     @property
     def unknowns(self) -> Any:
-        """What an estimate is of."""
         from metaid.estimation import BaseUnknowns
 
         return BaseUnknowns(self.prior)
 
     @property
     def laws(self) -> Any:
-        """The laws that trials are sent, as an estimate has them."""
         from metaid.estimation import ArmLaws
 
         return ArmLaws(self.unknowns, self.episode)
@@ -150,7 +142,6 @@ class StudiedArm:
         return share * self.starts[:, 1][:, :, None] * np.eye(self.nominal.njoint) if share else None
 
     def rehearsal(self, experiment: Experiment) -> tuple[Experiment, ArmPlant, Episode]:
-        """The `experiment` of the study, the plant and the episode if its nominal arm were the truth."""
         plant, episode = self.nominal_plant(), replace(self.episode, calibration=None)
         if not self.spec.is_simulated:
             noisy = plant.settings.model_copy(update={"faults": FaultSettings(angle_noise=QUIETEST_RIG)})
@@ -181,7 +172,6 @@ class StudiedArm:
 
     @property
     def slides(self) -> NDArray[np.bool_]:
-        """Which joints are slides, and no hinges (njoint)."""
         return self.nominal.slides
 
     def law_at(self, values: Mapping[str, float]) -> Array:

@@ -97,10 +97,7 @@ class RayEvaluator:
         self._start_missing_actors()
 
     def evaluate(self, batch: Array, first: int = 0, while_waiting: Callable[[], None] = lambda: None) -> list[Outcome]:
-        """Outcomes of a `batch` of factors (ncandidate x nsearched), in its order; `first` is the number of the first
-        one's trial. `while_waiting` is called while the workers are at work.  Raises WorkerError where there was no
-        worker for too long.
-        """
+        """As `ThreadEvaluator` does.  Raises WorkerError where there was no worker for too long."""
         shares = Shares(self._problem, len(batch), max(self._worker_count, -(-len(batch) // MOST_SHARED)))
         self._assign(shares, batch, first)
         while_waiting()
