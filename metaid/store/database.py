@@ -39,7 +39,7 @@ from metaid.store.optuna_tables import (
 )
 from metaid.store.ownership import DIGEST, End, digest_of, end_of, remove_orphans
 from metaid.store.reading import JOINTS_KEY, StoredTrials, read_trials
-from metaid.store.rows import IDS_AFTER, detail_rows, head_rows, shown_trial
+from metaid.store.rows import IDS_AFTER, SPOILED, detail_rows, head_rows, shown_trial
 from metaid.store.server import does_not_answer, missing_driver, parsed_url, without_password
 from metaid.store.sqlite import DAMAGED, describe
 from metaid.store.trial import Trial
@@ -50,7 +50,6 @@ SPEC_KEY = "metaid:study"
 MOST_SHOWN = 64  # trials of others whose motion is read
 # Called with a transaction that is about to write to a study, and the study's id; raises where it must not.
 WriteCheck = Callable[[sa.Connection, int], object]
-SPOILED = ValueError, TypeError, LookupError, ArithmeticError  # what reading a row of another type or form raises
 
 _ATTRIBUTES = {True: STUDY_ATTRIBUTES, False: STUDY_SYSTEM_ATTRIBUTES}  # by who sees them
 _NAMES = sa.select(STUDIES.c.study_name).order_by(STUDIES.c.study_id)

@@ -31,6 +31,7 @@ from metaid.store.optuna_tables import (
 from metaid.store.ownership import MARK, End, mark_of
 from metaid.store.trial import Trial
 
+SPOILED = ValueError, TypeError, LookupError, ArithmeticError  # what reading a row of another type or form raises
 REASON = "reason"  # the attribute that says why a trial failed
 MOTION_KEYS = tuple(MOTIONS)  # those that an estimate is made of
 
@@ -216,6 +217,6 @@ def shown_trial(frozen: FrozenTrial, names: Sequence[str]) -> Trial | None:
             **motion,
         )
         factors = np.array([float(frozen.params[name]) for name in names])
-    except (ValueError, TypeError, LookupError, ArithmeticError):
+    except SPOILED:
         return None
     return Trial(frozen.number, 0, factors, outcome) if texts and np.isfinite(factors).all() else None

@@ -15,7 +15,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from metaid.errors import StorageError, how_to_install
 from metaid.store.optuna_tables import REVISION, SCHEMA_VERSION
-from metaid.store.sqlite import TABLES
+from metaid.store.sqlite import MISSING, TABLES
 
 PATIENT = {"connect_timeout": 10, "keepalives_idle": 30, "keepalives_interval": 10, "keepalives_count": 3}  # s
 LONGEST_SILENCE = 60  # s in a transaction, in waiting for another one, and until what was sent has arrived
@@ -77,10 +77,8 @@ def checked_tables(url: sa.URL, create: bool) -> Iterator[tuple[bool, bool]]:
                 connection.execute(sa.select(sa.func.pg_advisory_xact_lock(MAKING_TABLES)))
             made = set(sa.inspect(connection).get_table_names()) >= TABLES
             if not made and not create:
-                raise StorageError(
-                    f"no study DB at {without_password(url.render_as_string(hide_password=False))}: make a study with "
-                    "'metaid study create', or name another with --storage"
-                )
+                shown = without_password(url.render_as_string(hide_password=False))
+                raise StorageError(f"no study DB at {shown}: {MISSING}")
             yield made, made and _is_current(connection)
     finally:
         engine.dispose()

@@ -21,6 +21,7 @@ from metaid.store.optuna_tables import REVISION, SCHEMA_VERSION
 
 BUSY_TIMEOUT = 60  # s to wait for another program's write, unless the URL says otherwise: sqlite:///FILE?timeout=5
 TABLES = {"studies", "trials", "version_info", "alembic_version"}  # of any study DB
+MISSING = "make a study with 'metaid study create', or name another with --storage"
 DAMAGED = "the file is damaged: put a copy back, or save what can be read with: sqlite3 FILE .recover"
 ADVICE = {
     sqlite3.SQLITE_BUSY: "another program is writing to it, or holds it: try again when that one is done",
@@ -75,9 +76,7 @@ def has_tables(path: Path, create: bool) -> tuple[bool, bool]:
         raise StorageError(f"{path}: not a study DB that can be read: {problem.strerror}") from None
     if not there:
         if not create:
-            raise StorageError(
-                f"no study DB at {path}: make a study with 'metaid study create', or name another with --storage"
-            )
+            raise StorageError(f"no study DB at {path}: {MISSING}")
         if not path.parent.is_dir():
             raise StorageError(f"{path}: no such folder {path.parent}")
         return False, False
