@@ -45,7 +45,8 @@ class Cmaes:
         self._seed = seed
         self._options = options
         self._proposed: list[Array] = []
-        self._spread = options.sigma
+        # The root mean square distance of the latest candidates from the mean, along each coordinate.
+        self.spread: float | None = options.sigma
 
     @cached_property
     def _optimizer(self) -> CMA:
@@ -63,14 +64,9 @@ class Cmaes:
             optimizer = SymmetricRootCma(**settings, population_size=size)
         return optimizer
 
-    @property
-    def spread(self) -> float | None:
-        """The root mean square distance of the latest candidates from the mean, along each coordinate."""
-        return self._spread
-
     def ask(self) -> Array:
         self._proposed = [self._candidate() for _ in range(self._optimizer.population_size)]
-        self._spread = float(np.sqrt(np.mean(np.square(self._proposed - self._optimizer.mean))))
+        self.spread = float(np.sqrt(np.mean(np.square(self._proposed - self._optimizer.mean))))
         return np.array([self._coordinates.factors(z) for z in self._proposed])
 
     def _candidate(self) -> Array:
