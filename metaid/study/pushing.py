@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -86,10 +86,10 @@ def make_episode(plant: Plant, spec: StudySpec, nominal: Chain) -> Episode:
     pushes = np.tile(pushes, (wanted.repeats, 1))
     rule = FallRule(wanted.fall_limit or fall_limit, wanted.fall_margin, wanted.fall_runaway or runaway)
     counted = spec.study.estimate.compare == "count"
-    kept: dict[str, Any] = {"window_ends": _window_ends(pushes, steps, steps * timestep / natural, counted)}
-    if spec.keeps_readings:
-        kept = {"readings_steps": min(steps, read)}
-    return Episode(pushes, steps, rule, seed=spec.study.seed, lead=wanted.lead, **kept)
+    ends = () if spec.keeps_readings else _window_ends(pushes, steps, steps * timestep / natural, counted)
+    return Episode(
+        pushes, steps, rule, seed=spec.study.seed, lead=wanted.lead, window_ends=ends, readings_steps=min(steps, read)
+    )
 
 
 def _reading_steps(spec: StudySpec, natural: float) -> int:
