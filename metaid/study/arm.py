@@ -28,6 +28,7 @@ FARTHEST = 10.0  # standard deviations of the prior: no base parameter beyond is
 class StudiedArm:
     """A nominal arm, how candidates differ from it, and how it is pushed. What is not said here `StudiedChain` says."""
 
+    draws_candidates = False  # for a picture: bounds are too far away for what is between them
     faint, gentler = "push more, or faster", "begin nearer, or slower, or let motors give more"
     all_fell = "a push fell in every trial: begin nearer, or slower"
     far_off = "; with dry friction, or noise, no law comes so near"

@@ -42,6 +42,7 @@ OVER_COMPENSATED = (1.5, 2.0)
 class StudiedChain:
     """A nominal chain, how candidates differ from it, and how it is pushed."""
 
+    draws_candidates = True  # a picture of candidates within the bounds shows something
     faint, gentler = "push more, or harder", "push less (episode.peak_speed), or let motors give more"
     all_fell, far_off = "no trial survived: raise search.high, or start higher", ""
 

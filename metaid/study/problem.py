@@ -10,7 +10,7 @@ from collections.abc import Callable
 from contextlib import closing
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -35,41 +35,31 @@ MOST_TRIALS, MOST_BESIDE = 32, 12  # that an estimate is made of, and where the 
 class Problem:
     """All that a study's settings determine before any trial. Nothing is pushed before the episode is asked for.
 
-    Attributes:
-        spec: the settings.
-        robot: what differs between a chain and an arm.
-        nominal: its nominal model, a `Chain` or a `Tree`.
-        names: of a candidate's numbers (n).
-        low: the least that each of them may be (n).
-        high: the largest (n).
-        measure: what is measured.
-        timestep: time between two control steps, in s.
-
-    Raises:
-        StudyError: the settings contradict each other, those of the pushes when they are asked for, as by `check`.
+    Raises StudyError where the settings contradict each other, those of the pushes when they are asked for, as by
+    `check`.
     """
 
     def __init__(self, spec: StudySpec) -> None:
         self.spec = spec
         check_settings(spec)
         self.robot: StudiedArm | StudiedChain = StudiedArm(spec) if spec.is_arm else StudiedChain(spec)
-        self.nominal: Any = self.robot.nominal
-        self.names, self.low, self.high = self.robot.names, self.robot.low, self.robot.high
+        self.nominal: Any = self.robot.nominal  # a `Chain` or a `Tree`
+        self.names, self.low, self.high = self.robot.names, self.robot.low, self.robot.high  # of a candidate's numbers
         self.measure: Measure = self.robot.measure
-        self.timestep = spec.timestep
+        self.timestep = spec.timestep  # s, between two control steps
         self._remembered: dict[bytes, Any] = {}  # of its experiments
 
     @property
     def chain(self) -> StudiedChain:
         """The robot of a study of a chain."""
-        assert isinstance(self.robot, StudiedChain), "it is of an arm"
-        return self.robot
+        assert not self.spec.is_arm, "it is of an arm"
+        return cast("StudiedChain", self.robot)
 
     @property
     def arm(self) -> StudiedArm:
         """The robot of a study of an arm."""
-        assert isinstance(self.robot, StudiedArm), "it is of a chain"
-        return self.robot
+        assert self.spec.is_arm, "it is of a chain"
+        return cast("StudiedArm", self.robot)
 
     @property
     def episode(self) -> Episode:
@@ -107,10 +97,8 @@ class Problem:
 
     @property
     def draws_episodes(self) -> bool:
-        """Whether figures may ask for more episodes: a rig is not moved for a picture, and the bounds of an arm are too
-        far away for what is between them.
-        """
-        return self.spec.is_simulated and not self.spec.is_arm
+        """Whether figures may ask for more episodes: a rig is not moved for a picture."""
+        return self.spec.is_simulated and self.robot.draws_candidates
 
     # What a run asks.
 
