@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from metaid.models import Array
 from metaid.recorded.reading.readings import LogRun
 from metaid.recorded.weak_form.smoothed import Smoothed
-from metaid.recorded.weak_form.windows import LogWindows
+from metaid.recorded.weak_form.windows import TESTS, LogWindows
 
 DEGREES = {0.06: 4, 0.1: 5, 0.15: 4, 0.2: 6, 0.25: 4, 0.35: 4, 0.3: 8, 0.5: 10}  # by length in s, the finest first
 OVERLAP = 0.5  # of a window with the next
@@ -64,10 +64,20 @@ def cut_windows(log: int, own: Smoothed, span: float) -> LogWindows | None:
         speeds[moves],
         accelerations[moves],
         nodes,
-        int(np.median(counts[is_kept])),
-        np.sqrt(np.median(left[is_kept], axis=0)),
+        np.sqrt(np.median(left[is_kept], axis=0)) * scale**2 * _shaken(nodes, power, int(np.median(counts[is_kept]))),
         apart,
     )
+
+
+def _shaken(nodes: Array, power: int, count: int) -> float:
+    """The standard deviation of the averaged second derivative by a window's own time, for a unit of noise in each of
+    so many readings, which are taken to be evenly spaced.
+    """
+    own = (np.arange(count) + 0.5) / count * 2.0 - 1.0
+    weights = TESTS[0](nodes) / len(nodes)
+    twice = legendre.legval(nodes, legendre.legder(np.eye(power + 1), 2)).T
+    change = weights @ twice @ np.linalg.pinv(legendre.legvander(own, power))
+    return float(np.sqrt(change @ change))
 
 
 def _centred(record: LogRun, middles: Array, span: float) -> Array:

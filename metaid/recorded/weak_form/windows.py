@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.polynomial import Polynomial, legendre
+from numpy.polynomial import Polynomial
 from numpy.polynomial.polynomial import polyval
 from numpy.typing import NDArray
 
@@ -41,8 +41,8 @@ class LogWindows:
         speeds: there (nwindow x nnode x njoint), in rad/s or m/s.
         accelerations: there (nwindow x nnode x njoint), in rad/s² or m/s².
         nodes: in a window's own time, from −1 to 1 (nnode).
-        readings: how many there are in a window.
-        noise: root mean square of what the polynomials leave of the readings (njoint), in rad or m.
+        acceleration_noise: standard deviation of averaged accelerations (njoint) that the noise of the angles makes, in
+            rad/s² or m/s².
         apart: the time from one window to the next, in s.
         kept: what was averaged over them, that takes long; windows with another motion keep their own.
     """
@@ -56,8 +56,7 @@ class LogWindows:
     speeds: Array
     accelerations: Array
     nodes: Array
-    readings: int
-    noise: Array
+    acceleration_noise: Array
     apart: float
     kept: dict[tuple[object, bytes], Array] = field(default_factory=dict, repr=False, compare=False)
 
@@ -93,19 +92,6 @@ class LogWindows:
     def times(self) -> Array:
         """When each node is (nwindow x nnode), in s."""
         return np.asarray(self.middles[:, None] + 0.5 * self.span * self.nodes, dtype=np.float64)
-
-    @property
-    def acceleration_noise(self) -> Array:
-        """Standard deviation of averaged accelerations (njoint) that the noise of the angles makes, in rad/s² or m/s².
-
-        The readings of a window are taken to be as many, and as evenly spaced, in all of them.
-        """
-        nodes = self.nodes
-        weights = TESTS[0](nodes) / len(nodes)
-        twice = legendre.legval(nodes, legendre.legder(np.eye(self.degree + 1), 2)).T
-        own = (np.arange(self.readings) + 0.5) / self.readings * 2.0 - 1.0
-        change = weights @ twice @ np.linalg.pinv(legendre.legvander(own, self.degree))
-        return np.asarray(self.noise * (2.0 / self.span) ** 2 * float(np.sqrt(change @ change)), dtype=np.float64)
 
     def averaged(self, at_nodes: Array) -> Array:
         """What is known at nodes (nwindow x nnode x ...), averaged by each test function (nwindow x ntest x ...)."""
