@@ -7,7 +7,6 @@ negative.  Eq. 69.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -62,11 +61,12 @@ class Possible:
         if chain is None:
             assert prior is not None
             self._links = scale * np.column_stack([thick_links(self._tree), self._tree.rotor]).ravel()
-            base = prior.base
-            kept = base.columns % len(PARAMETERS) < RIGID
-            matrix = base.matrix[kept].reshape(kept.sum(), self._tree.njoint, len(PARAMETERS))[..., :RIGID]
-            self._matrix = matrix.reshape(kept.sum(), -1)
             self._lengths = np.zeros(0)
+            kept = prior.base.columns % len(PARAMETERS) < RIGID
+            matrix = prior.base.matrix[kept].reshape(model.nbody, -1, len(PARAMETERS))[..., :RIGID]
+            self._linear = np.zeros((len(model.names), self._nfree))
+            self._linear[: model.nbody, : len(self._links)] = matrix.reshape(model.nbody, -1)
+            self._linear[model.nbody :, len(self._links) :] = np.eye(len(self._friction))
             spread = np.sqrt(np.diag(prior.parameter_covariance)).reshape(-1, len(PARAMETERS))[:, BODY]
             self._usual_rotor = scale * np.maximum(self._tree.rotor, THIN * spread)
         else:
@@ -87,19 +87,10 @@ class Possible:
         return np.asarray(self._of_chain(x) if self._model.is_chain else self._linear @ x)
 
     def slopes(self, x: Array) -> Array:
-        """Their Jacobian (nparam x nfree) there."""
+        """Their Jacobian (nparam x nfree) there; of an arm it is the same everywhere."""
         if not self._model.is_chain:
             return self._linear
         return np.asarray(self._of_chain(x + COMPLEX_STEP * 1j * np.eye(self._nfree)).imag.T / COMPLEX_STEP)
-
-    @cached_property
-    def _linear(self) -> Array:
-        """The Jacobian of an arm (nparam x nfree), which is the same everywhere."""
-        nlinks = len(self._links)
-        jacobian = np.zeros((len(self._model.names), self._nfree))
-        jacobian[self._friction, nlinks + np.arange(len(self._friction))] = 1.0
-        jacobian[: self._model.nbody, :nlinks] = self._matrix
-        return jacobian
 
     def _of_chain(self, x: NDArray[Any]) -> NDArray[Any]:
         """The unknowns of a chain (... x nparam) of free parameters (... x nfree), which may be complex.  Eqs. 1 to
