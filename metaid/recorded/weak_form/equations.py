@@ -109,11 +109,6 @@ class Equations:
         """The length of the windows, in s."""
         return self.finest.span
 
-    @property
-    def is_enough(self) -> bool:
-        """Whether there are a few times as many rows as unknowns, so that two thirds of them are enough, too."""
-        return 2 * self.nwindow * self.model.njoint >= 3 * len(self.model.names)
-
     def with_model(self, model: LinearModel) -> Equations:
         return replace(self, model=model)
 
@@ -171,13 +166,14 @@ class Equations:
         covariance, floor = _apart(np.diag(usual), *unknown), np.diag(least)
         passes = PASSES if self.zeros or "load" in model.friction else 1
         for step in range(passes):
+            with_zeros = self.zeros and step > 0
             loads = loads_of(self.parts, model, values[: model.nbody], zeros)
-            rows = [self._rows(*each, values, zeros, step > 0) for each in zip(self.parts, loads, strict=True)]
+            rows = [self._rows(*each, values, zeros, with_zeros) for each in zip(self.parts, loads, strict=True)]
             prior = prior_of(model, rows, size, self.doubt * self.scale)
             for _ in range(ROUNDS):
                 weight = np.asarray(np.linalg.inv(covariance + floor), dtype=np.float64)
                 blocks, before = self._blocks(rows, values, weight), values
-                values, changes, precision = eliminated(blocks, nominal, prior, zeros, self.zeros and step > 0)
+                values, changes, precision = eliminated(blocks, nominal, prior, zeros, with_zeros)
                 if model.passive.any():
                     values = before + share_of_step(before, values, self._inertias) * (values - before)
                 left = self._left(rows, values, changes)
@@ -259,11 +255,9 @@ class Equations:
     def _rows(self, part: LogWindows, load: Array, values: Array, zeros: Array, with_zeros: bool) -> Array:
         model, own_zeros = self.model, zeros[part.log]
         rows = part.rows(model, load, own_zeros)
-        columns = (
-            part.zero_columns(model, values, own_zeros)
-            if with_zeros and self.zeros
-            else np.zeros((*rows.shape[:-1], model.njoint))
-        )
+        columns = np.zeros((*rows.shape[:-1], model.njoint))
+        if with_zeros:
+            columns = part.zero_columns(model, values, own_zeros)
         return np.concatenate([rows, columns], axis=-1)
 
     @cached_property
@@ -341,7 +335,7 @@ def _apart(covariance: Array, which: NDArray[np.bool_], variance: float) -> Arra
 
 def equations_of(logs: Sequence[Smoothed], model: LinearModel, span: float) -> Equations | None:
     """The equations of windows of one length, in s; None where a log has no such windows in which it moves, or there
-    are too few of all.
+    are too few of all: a few times as many rows as unknowns are enough with two thirds of them, too.
     """
     parts = []
     for log, own in enumerate(logs):
@@ -350,7 +344,8 @@ def equations_of(logs: Sequence[Smoothed], model: LinearModel, span: float) -> E
             return None
         parts.append(windows)
     equations = Equations(tuple(parts), model, nlog=len(parts))
-    return equations if equations.is_enough else None
+    is_enough = 2 * equations.nwindow * model.njoint >= 3 * len(model.names)
+    return equations if is_enough else None
 
 
 def first_equations(logs: Sequence[Smoothed], model: LinearModel, spans: Iterable[float] = MIDDLE) -> Equations | None:

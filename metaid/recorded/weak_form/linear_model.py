@@ -33,7 +33,6 @@ from metaid.models.tree import (
 TERMS, BASE = (*COLUMNS, "hysteresis", "bent"), ("viscous", "coulomb")
 ROTOR = PARAMETERS.index("rotor")
 RIGID = len(PARAMETERS) - 2  # of an arm's parameters those that are no friction
-_NAMES = {"viscous": "damping"}  # where the name of a parameter is not that of its term
 _UNITS = {  # of hinges, and of slides
     "viscous": ("N m s", "N s/m"),
     "coulomb": ("N m", "N"),
@@ -302,7 +301,7 @@ class LinearModel:
         names, units = list(self.names[:nbody]), list(self.units[:nbody])
         for term, motor in other.columns:
             joints = "_".join(str(joint + 1) for joint in self.sliding.motors[motor])
-            names.append(f"{_NAMES.get(term, term)}{between}{joints}")
+            names.append(f"{'damping' if term == 'viscous' else term}{between}{joints}")
             units.append(_UNITS[term][motor < self.njoint and bool(self.slides[motor])])
         expressions = (*self.expressions[:nbody], *[""] * len(other.columns))
         return replace(other, names=tuple(names), units=tuple(units), expressions=expressions)

@@ -46,7 +46,7 @@ def chain_model(chain: Chain, gravity: float) -> LinearModel:
     the first joint cannot be told from the link.
     """
     n, kinds = chain.nlink, (*IDEAL, "inertia")
-    names = lump_names(n, kinds)
+    names = *lump_names(n, kinds), *(f"rotor_{i + 1}" for i in range(1, n))
     law = ChainModel(chain.lumps_of(kinds), gravity)
     lumps = law.parameters
     rotors = lumps[len(lumps) - n + 1 :]
@@ -66,9 +66,8 @@ def chain_model(chain: Chain, gravity: float) -> LinearModel:
     def _rigid(values: Array, angles: Array, speeds: Array, accelerations: Array) -> Array:
         return robot(values).inverse_dynamics(angles, speeds, accelerations)
 
-    names = [*names, *(f"rotor_{i + 1}" for i in range(1, n))]
     return LinearModel(
-        names=tuple(names),
+        names=names,
         units=tuple("kg m²" if name.startswith("rotor") else lump_unit(name) for name in names),
         expressions=("",) * len(names),
         nominal=np.concatenate([lumps, np.zeros(n - 1)]),
