@@ -9,8 +9,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -89,6 +88,7 @@ class MotionSearch:
         limits: of the motion.
         period: of the series, in s.
         contacts: what the robot meets; None where its shapes are not known.
+        refused: why series were given up, and how often.
     """
 
     model: LinearModel
@@ -96,11 +96,7 @@ class MotionSearch:
     limits: Limits
     period: float
     contacts: Contacts | None
-
-    @cached_property
-    def refused(self) -> Counter[str]:
-        """Why series were given up, and how often."""
-        return Counter()
+    refused: Counter[str] = field(default_factory=Counter, repr=False, compare=False)
 
     def torques(self, angles: Array, speeds: Array, accelerations: Array) -> Array:
         """What the nominal robot needs along a motion (nstep x njoint each), in N m or N."""

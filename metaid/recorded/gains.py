@@ -124,10 +124,9 @@ def drive_gains(unloaded: Sequence[Smoothed], loaded: Sequence[tuple[Smoothed, P
             f"{deviation[best] / max(abs(reciprocal[best]), 1e-300):.0%} (allowed: a heavier payload, more motion)"
         )
     common = float(np.median(np.abs(reciprocal[is_told])))
-    weight = np.stack([deviation**-2.0, np.full(model.njoint, (APART * common) ** -2.0)])
-    weight[1, is_told] = 0.0
-    reciprocal = (weight * np.stack([reciprocal, np.full(model.njoint, common)])).sum(axis=0) / weight.sum(axis=0)
-    relative = weight.sum(axis=0) ** -0.5 / np.abs(reciprocal)
+    own, usual = deviation**-2.0, np.where(is_told, 0.0, (APART * common) ** -2.0)
+    reciprocal = (own * reciprocal + usual * common) / (own + usual)
+    relative = (own + usual) ** -0.5 / np.abs(reciprocal)
     return Gains(model.joints, 1.0 / reciprocal, relative, is_told)
 
 
