@@ -10,7 +10,7 @@ import re
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,14 +36,14 @@ class _Written(ABC):
         """A Python module with a function `torque(q, qd)`, and `mass_matrix(q)` and `inverse_dynamics(q, qd, qdd)`
         where inertia is known. With pre-sliding the last takes the `slip`, too, which `slide(slip, dq)` keeps.
         """
-        return _filled_in(f"{self.kind}.py", self._constants, "[]", "    ")
+        return _law_text(f"{self.kind}.py", self._constants, "[]", "    ")
 
     def c(self, name: str) -> str:
         """A C99 header with a function `NAME_torque(q, qd, torque)`, and `NAME_mass_matrix(q, matrix)` and
         `NAME_inverse_dynamics(q, qd, qdd, torque)` where inertia is known. With pre-sliding the last takes the `slip`
         before the torque, which `NAME_slide(dq, slip)` keeps, or NULL.
         """
-        return _filled_in(f"{self.kind}.h", self._constants, "{}", "        ", name=name)
+        return _law_text(f"{self.kind}.h", self._constants, "{}", "        ", name=name)
 
 
 @dataclass(frozen=True)
@@ -152,8 +152,16 @@ def c_name(name: str) -> str:
     return word if re.match(r"[A-Za-z]", word) else f"study_{word}".rstrip("_")
 
 
-def _filled_in(template: str, constants: Constants, brackets: str, indent: str, **words: str) -> str:
+def _law_text(template: str, constants: Constants, brackets: str, indent: str, **words: str) -> str:
     """A template with the constants of a model as literals, and in `has` which of them are not nothing."""
+    literals = {key: _numbers(value, brackets, indent) for key, value in constants.items()}
+    has = {key: bool(np.any(value)) for key, value in constants.items()}
+    sizes = {"njoint": len(constants["rotor"]), "nmotor": len(constants["damping"]), "sliding": repr(SLIDING)}
+    return filled_in(template, **literals, **sizes, **words, has=has)
+
+
+def filled_in(template: str, **words: Any) -> str:
+    """A template beside this module, filled in with these words."""
     from jinja2 import Environment, PackageLoader, StrictUndefined  # slow to load
 
     environment = Environment(
@@ -162,11 +170,7 @@ def _filled_in(template: str, constants: Constants, brackets: str, indent: str, 
         trim_blocks=True,
         keep_trailing_newline=True,
     )
-    text = environment.get_template(f"{template}.jinja")
-    literals = {key: _numbers(value, brackets, indent) for key, value in constants.items()}
-    has = {key: bool(np.any(value)) for key, value in constants.items()}
-    sizes = {"njoint": len(constants["rotor"]), "nmotor": len(constants["damping"]), "sliding": repr(SLIDING)}
-    return text.render(**literals, **sizes, **words, has=has)
+    return environment.get_template(f"{template}.jinja").render(words)
 
 
 def _numbers(values: Array | NDArray[np.bool_] | NDArray[np.intp], brackets: str, indent: str) -> str:

@@ -8,46 +8,17 @@ import subprocess
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from string import Template
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
 from metaid.errors import usable_mujoco
-from metaid.exporting.laws import c_name
+from metaid.exporting.laws import c_name, filled_in
 from metaid.models import Array
 from metaid.plant import load_chain
 
 COMPILERS = ("cc", "gcc", "clang")
-
-_C = Template("""
-#include <stdio.h>
-#include "law.h"
-
-int main(void)
-{
-    enum { N = $njoint };
-    double state[3][N], torque[N];
-$before
-    while (fread(state, sizeof state, 1, stdin) == 1) {$at_row
-        ${name}_inverse_dynamics(state[0], state[1], state[2], ${slip}torque);
-        fwrite(torque, sizeof torque, 1, stdout);
-    }
-    return 0;
-}
-""")
-_C_BEFORE = """
-    double before[N], moved[N], slip[N * N] = {0.0}; /* joints and pairs of them are no more */
-    int i, is_first = 1;
-"""
-_C_AT_ROW = """
-        for (i = 0; i < N; i++) {
-            moved[i] = is_first ? 0.0 : state[0][i] - before[i];
-            before[i] = state[0][i];
-        }
-        is_first = 0;
-        ${name}_slide(moved, slip);"""
 
 
 @dataclass(frozen=True)
@@ -138,13 +109,11 @@ def _by_c(path: Path, name: str, q: Array, v: Array, a: Array) -> FileTorques:
     text = path.read_text(encoding="utf-8")
     if f"{name}_inverse_dynamics(" not in text:
         return FileTorques(None, "its law has no inertia, so no inverse dynamics")
-    slides = f"{name}_slide(" in text
-    words = {"name": name, "njoint": str(q.shape[1]), "slip": "slip, " if slides else ""}
-    words |= {"before": _C_BEFORE if slides else "", "at_row": Template(_C_AT_ROW).substitute(words) if slides else ""}
+    asking = filled_in("main.c", name=name, njoint=q.shape[1], slides=f"{name}_slide(" in text)
     with TemporaryDirectory() as folder:
         place = Path(folder)
         (place / "law.h").write_text(text, encoding="utf-8")
-        (place / "main.c").write_text(_C.substitute(words), encoding="utf-8")
+        (place / "main.c").write_text(asking, encoding="utf-8")
         built = subprocess.run(
             [compiler, "-std=c99", "-O1", "main.c", "-o", "main", "-lm"], cwd=place, capture_output=True, text=True
         )
