@@ -191,26 +191,20 @@ class LinearModel:
         motion = coordinates, speeds, accelerations, rigid
         turned, turning, faster, loads = map(self.sliding.of_motors, motion)
         columns = np.zeros((*speeds.shape, len(self.columns)))
-        for term in {term: None for term, _ in self.columns}:
-            own = [motor for motor in range(self.sliding.nmotor) if (term, motor) in self.columns]
-            places = [(motor, joint) for motor in own for joint in self.sliding.motors[motor]]
-            motors, joints = zip(*places, strict=True)
-            unknowns = [self.columns[term, motor] - self.nbody for motor in motors]
-            torque = faster if term == "rotor" else friction_torque(term, turned, turning, sliding, loads)
-            columns[..., joints, unknowns] = torque[..., motors]
+        torques = {term: friction_torque(term, turned, turning, sliding, loads) for term in self.friction}
+        torques["rotor"] = faster
+        for (term, motor), unknown in self.columns.items():
+            for joint in self.sliding.motors[motor]:
+                columns[..., joint, unknown - self.nbody] = torques[term][..., motor]
         return columns
 
     def friction_at(self, values: Array) -> JointFriction:
         """The friction of robots with these unknowns (... x nparam)."""
-
-        def of(term: str) -> Array:
-            every = np.zeros((*values.shape[:-1], self.sliding.nmotor))
-            for motor in range(self.sliding.nmotor):
-                if (term, motor) in self.columns:
-                    every[..., motor] = values[..., self.columns[term, motor]]
-            return every
-
-        return JointFriction(self.sliding, {term: of(term) for term in self.friction}, of("rotor")[..., self.njoint :])
+        terms = {term: np.zeros((*values.shape[:-1], self.sliding.nmotor)) for term in (*self.friction, "rotor")}
+        for (term, motor), unknown in self.columns.items():
+            terms[term][..., motor] = values[..., unknown]
+        rotor = terms.pop("rotor")
+        return JointFriction(self.sliding, terms, rotor[..., self.njoint :])
 
     def with_still(self, still: Array) -> LinearModel:
         """The same with other speeds (njoint) below which dry friction is a share of its whole."""
