@@ -219,17 +219,12 @@ def _possible(equations: Equations) -> tuple[PossibleModel, list[Solution]]:
 
 def _nominal(equations: Equations) -> list[Solution]:
     """What predicts each fold (nfold) by the nominal bodies, with friction fitted to the rest."""
-    model, scale = equations.model, equations.scale
-    nbody = model.nbody
-    stiff = 1e12 * np.diag(equations.solution.precision)[:nbody]
-    bodies = scale * model.nominal
+    stiff = 1e12 * np.diag(equations.solution.precision)
+    stiff[equations.model.nbody :] = 0.0
 
     def fixed(solution: Solution) -> Solution:
-        precision = solution.precision.copy()
-        precision[range(nbody), range(nbody)] += stiff
-        shift = np.zeros(len(solution.values))
-        shift[:nbody] = stiff * (bodies - solution.values[:nbody])
-        return replace(solution, values=solution.values + solved(precision, shift))
+        shift = stiff * (equations.prior_mean - solution.values)
+        return replace(solution, values=solution.values + solved(solution.precision + np.diag(stiff), shift))
 
     return [fixed(each) for each in equations.apart]
 

@@ -156,7 +156,7 @@ class Equations:
         """
         model, n = self.model, self.model.njoint
         nparam = len(model.names)
-        nominal = values = self._prior_mean
+        nominal = values = self.prior_mean
         zeros = np.zeros((self.nlog, n))
         largest = max(float(np.abs(torques).max()) for torques in self.torques) or 1.0
         every = np.concatenate([torques.reshape(-1, n) for torques in self.torques])
@@ -219,7 +219,7 @@ class Equations:
         """The solution without the folds of these numbers, by the columns and weights of all."""
         solution, fewer = self.solution, self.blocks.without(*folds)
         prior = solution.prior
-        values, changes, precision = eliminated(fewer, self._prior_mean, prior, solution.zeros, self.zeros)
+        values, changes, precision = eliminated(fewer, self.prior_mean, prior, solution.zeros, self.zeros)
         return replace(solution, values=values, precision=precision, zeros=solution.zeros + changes)
 
     @property
@@ -246,8 +246,8 @@ class Equations:
         return replace(self, parts=tuple(parts))
 
     @property
-    def _prior_mean(self) -> Array:
-        """Of the unknowns (nparam)."""
+    def prior_mean(self) -> Array:
+        """What the unknowns (nparam) are beforehand: nominal bodies, and no friction."""
         mean = np.zeros(len(self.model.names))
         mean[: self.model.nbody] = self.scale * self.model.nominal
         return mean
