@@ -73,8 +73,7 @@ def judge_records(found: RecordedEstimate, facts: Sequence[str] = (), given: Giv
     against = tuple(_against(found, is_known))
     if against:
         return RecordedVerdict("not found", (*facts, *against, *_far_zeros(found)), lumps)
-    told = (*_of_joints(found), *_carried(found, given))
-    told += (*_far_zeros(found), *_unexplained(found, given))
+    told = (*_of_joints(found), *_carried(found, given), *_far_zeros(found), *_unexplained(found, given))
     if not is_known:
         told = (f"no parameter of the bodies is known to {COARSEST:.0%} by itself, only what they need together", *told)
     reasons = (predicted(found), *facts, *told, FREE if found.model.is_free else SCALE)
