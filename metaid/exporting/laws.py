@@ -130,14 +130,9 @@ class ArmLaw(_Written):
             "inertia": inertia_matrices(parameters),
             "rotor": parameters[:, _ROTOR],
             "damping": friction.of("viscous"),
-            "coulomb": friction.of("coulomb"),
-            "root": friction.of("root"),
-            "still": sliding.means(sliding.still),
-            "presliding": sliding.means(sliding.presliding),
-            "bent": sliding.means(sliding.bent),
-            "load": friction.of("load")[: self.njoint],
-            "offset": friction.of("offset")[: self.njoint],
-            "spring": friction.of("spring")[: self.njoint],
+            **{term: friction.of(term) for term in ("coulomb", "root")},
+            **{term: friction.of(term)[: self.njoint] for term in ("load", "offset", "spring")},
+            **{name: sliding.means(getattr(sliding, name)) for name in ("still", "presliding", "bent")},
             "coupled": np.array(sliding.coupled, dtype=np.intp).reshape(-1, 2),
             "coupled_rotor": friction.coupled_rotor,
         }
@@ -157,7 +152,7 @@ def _law_text(template: str, constants: Constants, brackets: str, indent: str, *
     literals = {key: _numbers(value, brackets, indent) for key, value in constants.items()}
     has = {key: bool(np.any(value)) for key, value in constants.items()}
     sizes = {"njoint": len(constants["rotor"]), "nmotor": len(constants["damping"]), "sliding": repr(SLIDING)}
-    return filled_in(template, **literals, **sizes, **words, has=has)
+    return filled_in(template, **literals, **sizes, **words, literals=literals, has=has)
 
 
 def filled_in(template: str, **words: Any) -> str:
