@@ -54,9 +54,9 @@ def gravity_curves(found: RecordedEstimate) -> list[GravityCurve]:
         poses[:, joint] = np.linspace(angles[:, joint].min(), angles[:, joint].max(), POINTS)
         rest = np.zeros_like(poses)
         columns = model.bodies(poses, rest, rest)[:, joint]
-        if np.abs(columns @ bodies).max() > NOTHING * usual:
+        torque, sd = _told(columns, bodies, covariance)
+        if np.abs(torque).max() > NOTHING * usual:
             nominal = found.scale * (columns @ model.nominal)
-            torque, sd = _told(columns, bodies, covariance)
             curves.append(GravityCurve(model.joints[joint], poses[:, joint], torque, sd, nominal))
     return curves
 

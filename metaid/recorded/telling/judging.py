@@ -267,8 +267,8 @@ def _table(found: RecordedEstimate, determined: NDArray[np.bool_]) -> pd.DataFra
         "sd_systematic": found.systematic,
         "low": values - reach,
         "high": values + reach,
-        "true": np.full(len(values), np.nan),
-        "error": np.full(len(values), np.nan),
+        "true": np.nan,  # of a robot that is recorded nobody knows it
+        "error": np.nan,
         "determined": determined,
         "expression": model.expressions,
     }

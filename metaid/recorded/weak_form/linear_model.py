@@ -43,8 +43,6 @@ _UNITS = {  # of hinges, and of slides
     "rotor": ("kg m²", "kg"),
 }
 How = Literal["presliding", "bent"]  # of `Sliding`: how dry friction follows the motion
-Bodies = Callable[[Array, Array, Array], Array]
-Rigid = Callable[[Array, Array, Array, Array], Array]
 TURNED, SLIGHT = 0.5, 1e-3  # rad or m; of the largest torque
 LEAST_TURN, LEAST_SLIDE = 0.02, 0.002  # rad, m: within less a joint does not slide, it bends and creeps
 POSES = 64  # in which bodies are weighed
@@ -84,8 +82,8 @@ class LinearModel:
     expressions: tuple[str, ...]
     nominal: Array
     covariance: Array
-    bodies: Bodies
-    rigid: Rigid
+    bodies: Callable[[Array, Array, Array], Array]
+    rigid: Callable[[Array, Array, Array, Array], Array]
     dynamics: Callable[[Array], Dynamics]
     joints: tuple[str, ...]
     slides: NDArray[np.bool_]
