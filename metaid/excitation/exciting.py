@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from metaid.excitation.forecast import LASTS, LogForecast, LogNoise, forecast
 from metaid.excitation.limits import OF_JOINTS, Limits, read_limits, usual_limits
 from metaid.excitation.search import Criterion, MotionSearch, best_of_random, draws, improved
 from metaid.excitation.series import Series, Trajectory
+from metaid.frames import json_rows
 from metaid.models import COARSEST, Array
 from metaid.models.tree import joint_torque
 from metaid.plant import ArmPlant, MujocoPlant, SimulatedPlant, load_plant
@@ -92,17 +93,17 @@ class Excitation:
     def parameters(self) -> list[dict[str, Any]]:
         """What a log will say of each parameter, as rows."""
         model, told = self.problem.model, self.forecast
-        columns: dict[str, Sequence[Any]] = {
+        columns = {
             "name": model.names,
             "unit": model.units,
-            "nominal": self.problem.nominal.tolist(),
-            "sd": told.deviations.tolist(),
-            "determined": told.determined.tolist(),
-            "second_motion": self.second.tolist(),
-            "same_again": self.again.tolist(),
+            "nominal": self.problem.nominal,
+            "sd": told.deviations,
+            "determined": told.determined,
+            "second_motion": self.second,
+            "same_again": self.again,
             "expression": model.expressions,
         }
-        return [dict(zip(columns, each, strict=True)) for each in zip(*columns.values(), strict=True)]
+        return json_rows(pd.DataFrame(columns))
 
     @property
     def summary(self) -> dict[str, Any]:

@@ -136,8 +136,7 @@ class IdentifiedModel:
         columns = {"length": chain.length, "mass": chain.mass, "com": chain.com, "inertia": chain.inertia}
         friction = {"damping": chain.damping, "frictionloss": chain.coulomb}
         columns |= {key: values for key, values in friction.items() if values.any()}
-        rows = zip(*(values.tolist() for values in columns.values()), strict=True)
-        return [dict(zip(columns, row, strict=True)) for row in rows]
+        return json_rows(pd.DataFrame(columns))
 
     def notes(self, suffix: str) -> list[str]:
         """What to know of a file with that `suffix`, in sentences without a full stop."""

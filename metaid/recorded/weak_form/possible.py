@@ -74,9 +74,8 @@ class Possible:
             self._links = scale * np.column_stack([own, np.zeros(chain.nlink)]).ravel()
             self._lengths = np.log(chain.length[:-1])
             self._usual_rotor = scale * THIN * chain.lumps_of(("inertia",)).vector
-        n = self._tree.njoint
-        self._nlink, self._pairs = len(self._links) // n, np.triu_indices(n, 1)
-        self._links.reshape(n, -1)[:, -1] = self._usual_rotor
+        self._pairs = np.triu_indices(self._tree.njoint, 1)
+        self._links.reshape(self._tree.njoint, -1)[:, -1] = self._usual_rotor
 
     @property
     def _nfree(self) -> int:
@@ -111,7 +110,7 @@ class Possible:
         (nrow).
         """
         model, n, nlinks = self._model, self._tree.njoint, len(self._links)
-        each = np.eye(self._nfree)[:nlinks].reshape(n, self._nlink, self._nfree)
+        each = np.eye(self._nfree)[:nlinks].reshape(n, -1, self._nfree)
         if model.is_chain:
             own, moments = self._links.reshape(n, -1), np.array([[2, 1], [1, 0]])
             of_links, nominal = each[:, moments], own[:, moments]
