@@ -19,7 +19,6 @@ from metaid.models import FRICTION, SLIDING, Array, ChainModel
 from metaid.models.tree import PARAMETERS, JointFriction, Tree, inertia_matrices, joint_mass_matrix, rigid_torque
 
 Constants = Mapping[str, Array | NDArray[np.bool_] | NDArray[np.intp]]
-_ROTOR = PARAMETERS.index("rotor")
 
 
 class _Written(ABC):
@@ -128,7 +127,7 @@ class ArmLaw(_Written):
             "mass": parameters[:, 0],
             "moment": parameters[:, 1:4],
             "inertia": inertia_matrices(parameters),
-            "rotor": parameters[:, _ROTOR],
+            "rotor": parameters[:, PARAMETERS.index("rotor")],
             "damping": friction.of("viscous"),
             **{term: friction.of(term) for term in ("coulomb", "root")},
             **{term: friction.of(term)[: self.njoint] for term in ("load", "offset", "spring")},

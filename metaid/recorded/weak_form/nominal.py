@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import compress
 
 import numpy as np
 
@@ -105,13 +106,10 @@ def arm_model(tree: Tree) -> LinearModel:
     def _rigid(values: Array, coordinates: Array, speeds: Array, accelerations: Array) -> Array:
         return rigid_torque(tree, of_links(values), coordinates, speeds, accelerations)
 
-    def chosen(texts: tuple[str, ...]) -> tuple[str, ...]:
-        return tuple(text for text, is_kept in zip(texts, kept, strict=True) if is_kept)
-
     return LinearModel(
-        names=chosen(prior.base.names),
-        units=chosen(prior.base.units),
-        expressions=chosen(prior.base.expressions),
+        names=tuple(compress(prior.base.names, kept)),
+        units=tuple(compress(prior.base.units, kept)),
+        expressions=tuple(compress(prior.base.expressions, kept)),
         nominal=prior.values[kept],
         covariance=prior.covariance[np.ix_(kept, kept)],
         bodies=bodies,

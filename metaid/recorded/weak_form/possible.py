@@ -15,12 +15,11 @@ from numpy.typing import NDArray
 from metaid.models import Array, Matrices, Nearest
 from metaid.models.tree import PARAMETERS, Tree, nominal_pseudo_inertias, pseudo_inertia, thick_links
 from metaid.recorded.weak_form.equations import Equations, Solution
-from metaid.recorded.weak_form.linear_model import RIGID
+from metaid.recorded.weak_form.linear_model import RIGID, ROTOR
 from metaid.recorded.weak_form.normal import solved
 
 SMALL = 1e-3  # of a friction's deviation: what is not above 0 is kept so near to it
 THIN = 0.1  # of what a rotor may be beforehand: a nominal rotor of 0 counts as this
-BODY = 10
 COMPLEX_STEP = 1e-30  # of a derivative, which is exact to rounding
 CURVE = ("coulomb", "root", "viscous")  # of friction over speed, which is not negative where there is a root
 NOT_NEGATIVE = (*CURVE, "load", "rotor")
@@ -67,7 +66,7 @@ class Possible:
             self._linear = np.zeros((len(model.names), self._nfree))
             self._linear[: model.nbody, : len(self._links)] = matrix.reshape(model.nbody, -1)
             self._linear[model.nbody :, len(self._links) :] = np.eye(len(self._friction))
-            spread = np.sqrt(np.diag(prior.parameter_covariance)).reshape(-1, len(PARAMETERS))[:, BODY]
+            spread = np.sqrt(np.diag(prior.parameter_covariance)).reshape(-1, len(PARAMETERS))[:, ROTOR]
             self._usual_rotor = scale * np.maximum(self._tree.rotor, THIN * spread)
         else:
             own = np.stack([chain.mass, chain.mass * chain.com, chain.inertia + chain.mass * chain.com**2], axis=1)
