@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import compress
 
 import numpy as np
@@ -92,9 +93,6 @@ def arm_model(tree: Tree) -> LinearModel:
     kept = prior.base.columns % len(PARAMETERS) < RIGID
     columns = prior.base.columns[kept]
 
-    def bodies(coordinates: Array, speeds: Array, accelerations: Array) -> Array:
-        return torque_columns(tree, columns, coordinates, speeds, accelerations)
-
     def of_links(values: Array) -> Array:
         every = np.zeros((*values.shape[:-1], tree.njoint * len(PARAMETERS)))
         every[..., columns] = values
@@ -112,7 +110,7 @@ def arm_model(tree: Tree) -> LinearModel:
         expressions=tuple(compress(prior.base.expressions, kept)),
         nominal=prior.values[kept],
         covariance=prior.covariance[np.ix_(kept, kept)],
-        bodies=bodies,
+        bodies=partial(torque_columns, tree, columns),
         rigid=_rigid,
         dynamics=dynamics,
         joints=tuple(tree.names),
