@@ -33,8 +33,7 @@ def best_index(values: Array) -> int:
 def best_rows(survivors: pd.DataFrame, count: int) -> pd.DataFrame:
     """The `count` best rows of a frame of `survivors`, the best first; of equals the later ones are kept."""
     ordered = survivors.iloc[::-1].sort_values("value", kind="stable")
-    best: pd.DataFrame = ordered.iloc[:count]
-    return best
+    return ordered.iloc[:count]
 
 
 def evenly(rows: pd.DataFrame, most: int) -> pd.DataFrame:
@@ -45,8 +44,7 @@ def evenly(rows: pd.DataFrame, most: int) -> pd.DataFrame:
 def best_and_even(trials: pd.DataFrame, most: int, best: int) -> pd.DataFrame:
     """At most so many of some `trials`: the `best` survivors among them, and others evenly spaced."""
     kept = best_rows(trials[trials["state"] == "COMPLETE"], best)
-    both: pd.DataFrame = pd.concat([kept, evenly(trials.drop(kept.index), most - len(kept))])
-    return both
+    return pd.concat([kept, evenly(trials.drop(kept.index), most - len(kept))])
 
 
 def identified_factors(problem: Problem, factors: Array, values: Array) -> Array:
@@ -93,8 +91,7 @@ def known_by_best(problem: Problem, survivors: Sequence[Trial]) -> Known:
 
 def _is_shown(wanted: Parameters, resolution: Array) -> NDArray[np.bool_]:
     """Which of what is `wanted` (n) the measure tells to a tenth, by the `resolution` of a candidate's numbers (n)."""
-    shown: NDArray[np.bool_] = resolution <= COARSEST * wanted.sizes(wanted.nominal) / wanted.scale
-    return shown
+    return resolution <= COARSEST * wanted.sizes(wanted.nominal) / wanted.scale
 
 
 def resolution_at(problem: Problem, best: Array) -> tuple[Array, float]:

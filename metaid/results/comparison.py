@@ -39,8 +39,7 @@ class Comparison:
     @property
     def names(self) -> list[str]:
         """Of the studies."""
-        names: list[str] = self.studies["name"].tolist()
-        return names
+        return self.studies["name"].tolist()
 
     @property
     def lump_names(self) -> list[str]:

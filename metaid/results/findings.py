@@ -65,8 +65,7 @@ class Findings:
     @property
     def sought(self) -> Parameters:
         """What was searched."""
-        sought: Parameters = self.problem.robot.sought
-        return sought
+        return self.problem.robot.sought
 
     @property
     def names(self) -> list[str]:
@@ -128,8 +127,7 @@ class Findings:
         there is no survivor yet.
         """
         _ = self.best_factors
-        found: Array = self.lumps["identified"].fillna(self.lumps["nominal"]).to_numpy() / self.sought.scale
-        return found
+        return self.lumps["identified"].fillna(self.lumps["nominal"]).to_numpy() / self.sought.scale
 
     def drawn(self, factors: Array) -> Array:
         """Candidates (... x nlump) as figures show them."""
@@ -174,15 +172,13 @@ class Findings:
     def bests(self) -> pd.DataFrame:
         """Survivors that were the best when they came; the last of them is the best of all."""
         survivors = self.survivors
-        bests: pd.DataFrame = survivors[survivors["value"] <= survivors["value"].cummin()]
-        return bests
+        return survivors[survivors["value"] <= survivors["value"].cummin()]
 
     @property
     def equals(self) -> pd.DataFrame:
         """Survivors that the measure cannot tell from the best one; their range is `low` to `high`."""
         survivors = self.survivors
-        equal: pd.DataFrame = survivors[survivors["value"] <= self.problem.as_good_as(survivors["value"].min())]
-        return equal
+        return survivors[survivors["value"] <= self.problem.as_good_as(survivors["value"].min())]
 
     @property
     def closest(self) -> pd.DataFrame:
