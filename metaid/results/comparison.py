@@ -65,8 +65,7 @@ class Comparison:
 
     def summary(self) -> dict[str, Any]:
         """What `metaid study compare --json` prints; None where something is not known."""
-        tables = {"studies": self.studies, "lumps": self.lumps}
-        return {key: json_rows(table) for key, table in tables.items()}
+        return {"studies": json_rows(self.studies), "lumps": json_rows(self.lumps)}
 
 
 def compare(store: Store, names: Sequence[str]) -> Comparison:
@@ -77,12 +76,9 @@ def compare(store: Store, names: Sequence[str]) -> Comparison:
     _refuse_other_plants(snapshots)
     rows = [_study_row(snapshot) for snapshot in snapshots]
     tables = [snapshot.verdict.shown.assign(study=snapshot.name) for snapshot in snapshots]
-    lumps = pd.concat(tables, ignore_index=True)
-    order = {name: place for place, name in enumerate(dict.fromkeys(lumps["name"]))}
-    lumps = lumps.sort_values("name", key=lambda column: column.map(order), kind="stable", ignore_index=True)
-    first = ["name", "study"]
+    lumps = pd.concat(tables).sort_values("name", key=lambda names: pd.factorize(names)[0], kind="stable")
     studies = pd.DataFrame(rows, columns=STUDY).astype({"misfit": np.float64, "max_error": np.float64})
-    return Comparison(studies, lumps[[*first, *(key for key in lumps.columns if key not in first)]])
+    return Comparison(studies, lumps.set_index(["name", "study"]).reset_index())
 
 
 def _refuse_other_plants(snapshots: Sequence[Snapshot]) -> None:
