@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -12,8 +12,8 @@ import pandas as pd
 
 from metaid.errors import StorageError, unknown
 from metaid.models import Array
-from metaid.models.tree import ModelError
 from metaid.results.best import best_rows
+from metaid.results.candidates import law_error
 from metaid.results.overview import summarized
 from metaid.results.snapshot import Snapshot, read_snapshot, trials_table
 from metaid.results.validation import Validation, validate
@@ -153,11 +153,10 @@ class Findings:
         """How wrong each of some `trials` is (ntrial), by what it is that is wrong: the largest error of a lump, or
         parts of the dynamics on states that no trial has seen; nothing where that is not known.
         """
-        robot = self.problem.robot
-        laws = map(robot.differ_from.law_of, trials[self.names].to_numpy(dtype=np.float64))
-        found = [error for law in laws if (error := robot.model_error(law)) is not None]
+        laws = map(self.problem.robot.differ_from.law_of, trials[self.names].to_numpy(dtype=np.float64))
+        found = [error for law in laws if (error := law_error(self.problem, law)) is not None]
         if found:
-            return {name: np.array([getattr(error, key) for error in found]) for key, name in MODEL_ERRORS.items()}
+            return {name: np.array([error[key] for error in found]) for key, name in MODEL_ERRORS.items()}
         if self.true_factors is None or np.isnan(errors := self.errors(trials)).all():
             return {}
         return {"largest lump error": errors}
@@ -165,8 +164,7 @@ class Findings:
     @cached_property
     def nominal_error(self) -> dict[str, float] | None:
         """How wrong the nominal law is on states that no trial has seen; None where that is not known."""
-        error: ModelError | None = self.problem.robot.model_error(self.problem.robot.differ_from.law)
-        return None if error is None else asdict(error)
+        return law_error(self.problem, self.problem.robot.differ_from.law)
 
     @property
     def bests(self) -> pd.DataFrame:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from metaid.frames import NO_ERROR, json_rows
 from metaid.results.body_tables import body_rows
-from metaid.results.candidates import identified_law
+from metaid.results.candidates import identified_law, law_error
 from metaid.results.lump_tables import fault_table, largest_error
 from metaid.results.snapshot import Snapshot, counted_states, read_snapshot
 from metaid.results.verdict import NUMBERS
@@ -42,7 +41,7 @@ def summarized(snapshot: Snapshot) -> dict[str, Any]:
         "lumps": json_rows(verdict.lumps),
         **fault_rows(snapshot),
         "max_error": largest_error(verdict.lumps),
-        "model_error": _model_error(snapshot),
+        "model_error": law_error(problem, identified_law(snapshot)) if verdict.has_result else None,
         "periods": sum(sum(trial.outcome.periods) for trial in snapshot.survivors),
         "estimate": None if found is None else _estimate(found, verdict.word),
         "why_no_estimate": snapshot.why_no_estimate if found is None else None,
@@ -138,11 +137,3 @@ def _error_of_best(snapshot: Snapshot) -> dict[str, float | None]:
         return {}
     errors = np.abs(wanted.scale * best.factors / np.where(true == 0.0, np.nan, true) - 1.0)
     return {"max_error": None if np.isnan(errors).any() else float(errors.max())}
-
-
-def _model_error(snapshot: Snapshot) -> dict[str, float] | None:
-    """How wrong the identified law is on states that no trial has seen; None where that is not known."""
-    if not snapshot.verdict.has_result:
-        return None
-    error = snapshot.problem.robot.model_error(identified_law(snapshot))
-    return None if error is None else asdict(error)

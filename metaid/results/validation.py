@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from metaid.errors import StudyError
 from metaid.models import Array
-from metaid.results.candidates import identified_law
+from metaid.results.candidates import identified_law, with_references
 from metaid.results.courses import course_of
 from metaid.results.snapshot import Snapshot
 from metaid.study import Problem
@@ -136,12 +136,7 @@ def validate_law(problem: Problem, identified: Any, pushes: int = PUSHES, seed: 
     """
     if not 1 <= pushes <= MOST_PUSHES or seed < 0:
         raise StudyError(f"pushes is {pushes} and seed is {seed} (allowed: 1 to {MOST_PUSHES} pushes, a seed from 0)")
-    true = problem.robot.true_law()
-    laws = {
-        "nominal": problem.robot.differ_from.law,
-        "identified": identified,
-        **({} if true is None else {"true": true}),
-    }
+    laws = with_references(problem, {"identified": identified})
     course = course_of(problem, identified, pushes, fresh_seed(problem.spec.study.seed, seed))
     models = tuple(Validated(name, course.coasting(law), *course.tracking(law)) for name, law in laws.items())
     name, timestep = course.plant.name, course.plant.timestep
