@@ -30,11 +30,8 @@ def bodies_table(snapshot: Snapshot) -> pd.DataFrame:
     if snapshot.estimate is None or verdict.source != "estimate":
         raise StudyError("no bodies: the lumps are those of the best trial, without intervals (allowed: an estimate)")
     with threadpool_limits(1):
-        estimate: Any = snapshot.estimate.estimate
-        if snapshot.spec.is_arm:
-            columns = _of_arm(estimate, snapshot.estimate.covariance, snapshot.problem)
-        else:
-            columns = _of_chain(estimate, snapshot.estimate.covariance, snapshot.problem)
+        columns_of: Any = _of_arm if snapshot.spec.is_arm else _of_chain
+        columns = columns_of(snapshot.estimate.estimate, snapshot.estimate.covariance, snapshot.problem)
     if columns is None:
         raise StudyError("no bodies: no possible body has the lumps of the estimate: are the lengths right?")
     return pd.DataFrame(columns)

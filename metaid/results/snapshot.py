@@ -85,9 +85,7 @@ def counted_states(trials: Sequence[Trial]) -> dict[str, int]:
 
 
 def trials_table(snapshot: Snapshot) -> pd.DataFrame:
-    """One row a trial: `number`, `state`, `value` (NaN where it failed), `generation`, `steps`, `periods_i` of each
-    joint where they are counted, then what the candidate is, under the names of what is sought.
-    """
+    """The trials of a study, as `trials_frame` has them."""
     spec, trials = snapshot.spec, snapshot.trials
     values = [np.nan if trial.outcome.failure is not None else trial.outcome.value for trial in trials]
     numbers = {
