@@ -108,11 +108,8 @@ class Counts(WatchedTrials):
             seen = trial.seen(len(trial.ends))[..., None]
             shown, _ = count_crossings(trial, self.unknowns, log_factors, len(trial.ends), False)
             squares = np.where(seen, shown.counts - trial.windows.half_periods, 0.0) ** 2
-            number = seen.sum(axis=1)
-            means = np.divide(
-                squares.sum(axis=1), number, out=np.full(trial.start_speeds.shape, np.nan), where=number > 0
-            )
-            tables.append(np.sqrt(means))
+            with np.errstate(invalid="ignore"):  # of a push that was not seen
+                tables.append(np.sqrt(squares.sum(axis=1) / seen.sum(axis=1)))
         return tuple(tables)
 
     def replay(self, number: int, log_factors: Array) -> Replay:

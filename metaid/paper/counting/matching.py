@@ -73,18 +73,15 @@ def _search(counts: Counts, point: Array) -> tuple[Model | None, int]:
     """
     steps = 0
     horizons = np.unique(np.geomspace(1, counts.stages, STAGES).round().astype(int)).tolist()
-    for windows in horizons:
-        place = place_at(counts, point, windows)
+    descents = [(counts, windows, ROUGHLY, MOST_ROUGH) for windows in horizons]
+    descents.append((replace(counts, by_side=True), counts.stages, FINELY, MOST_FINE))
+    for compared, windows, tolerance, most in descents:
+        place = place_at(compared, point, windows)
         if place is None:
             return None, steps
-        found = descend(counts, place, windows, ROUGHLY, MOST_ROUGH)
+        found = descend(compared, place, windows, tolerance, most)
         point, steps = found.place.point, steps + found.iterations
-    by_side = replace(counts, by_side=True)
-    place = place_at(by_side, point, counts.stages)
-    if place is None:
-        return None, steps
-    found = descend(by_side, place, counts.stages, FINELY, MOST_FINE)
-    return _exact(counts, found.place.point), steps + found.iterations
+    return _exact(counts, point), steps
 
 
 def _exact(counts: Counts, point: Array) -> Model | None:
