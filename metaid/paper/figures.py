@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from metaid.paper.tables import FIG4_FACTOR, LIKE, PURE, run_fig4
@@ -56,17 +55,13 @@ def draw_fig4(path: Path) -> None:
             text = f"{label}: {periods[joint]} periods by {reading.rule}"
             plot.plot(steps, degrees[:, joint], color=colour, linewidth=0.8, label=text)
     for joint, plot in enumerate(axes):
-        _angle_axes(plot, joint)
+        plot.set(ylabel=f"θ{joint + 1}, degrees", ylim=(-185, 185))
+        plot.set_yticks(range(-180, 181, 90))
+        plot.grid(alpha=0.3)
+        plot.legend(framealpha=0.95, loc="upper left", ncols=2, fontsize=8)
     axes[0].set_title(f"All factors {FIG4_FACTOR}; the paper's Fig. 4 has 5 and 15 periods", loc="left", fontsize=10)
     axes[-1].set_xlabel("normalised steps (of 5,000)")
     figure.savefig(path, dpi=DPI)
-
-
-def _angle_axes(plot: Axes, joint: int) -> None:
-    plot.set(ylabel=f"θ{joint + 1}, degrees", ylim=(-185, 185))
-    plot.set_yticks(range(-180, 181, 90))
-    plot.grid(alpha=0.3)
-    plot.legend(framealpha=0.95, loc="upper left", ncols=2, fontsize=8)
 
 
 def draw_sweep(rows: list[dict[str, Any]], path: Path) -> None:
