@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import shlex
 from collections.abc import Sequence
 from typing import Any
@@ -70,7 +69,7 @@ def page(found: Findings, gallery: Gallery, drawn: Sequence[PageFigure]) -> str:
         },
         bodies=bodies,
         describe_possible_bodies=describe_possible_bodies(bodies) if bodies else None,
-        files=study_files(spec, file_stem(found.name), shows_plant(found)),
+        files=study_files(found),
         quoted_name=shlex.quote(found.name),
     )
 
@@ -165,8 +164,3 @@ def unidentified(found: Findings) -> dict[str, str]:
 
     reasons = ((lump["name"], why(lump)) for lump in found.summary["lumps"])
     return {name: reason for name, reason in reasons if reason is not None}
-
-
-def file_stem(name: str) -> str:
-    """What a file may be called that is about the study of that `name`."""
-    return re.sub(r"[^\w-]+", "-", name)

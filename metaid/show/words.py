@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import tomli_w
 
@@ -108,16 +110,17 @@ def shows_plant(found: Findings) -> bool:
     return isinstance(plant, PlantSettings) and plant.truth_known
 
 
-def study_files(spec: StudySpec, stem: str, shows_plant: bool) -> dict[str, str]:
+def study_files(found: Findings) -> dict[str, str]:
     """Files, by name, that make this very study again, trial for trial, the study file last. Where the plant is not to
-    be shown, the plant file is the reader's own. The names begin with `stem`.
+    be shown, the plant file is the reader's own.
     """
+    spec, stem = found.spec, re.sub(r"[^\w-]+", "-", found.name)
     study = spec.study.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
     if spec.is_arm:
         return {f"{stem}.toml": tomli_w.dumps(study)}
     links = [link.model_dump(mode="json", exclude_none=True) for link in spec.links]
     study |= {"plant": f"{stem}-plant.toml", "nominal": {"links": links}}
-    if spec.is_simulated and not shows_plant:
+    if spec.is_simulated and not shows_plant(found):
         study["plant"] = f"{spec.plant_name}.toml"
         return {f"{stem}.toml": tomli_w.dumps(study)}
     plant = spec.plant.model_dump(mode="json", exclude_none=True)
