@@ -10,11 +10,7 @@ from metaid.show.pages import filled_in, page_figure
 
 def render_comparison(found: Comparison) -> str:
     """The page."""
-    caption = "What each study found of each lump, with its interval"
-    caption += (
-        ", as a deviation from the truth."
-        if found.knows_truth
-        else ", as a deviation from the first study that found it."
-    )
+    against = "the truth" if found.knows_truth else "the first study that found it"
+    caption = f"What each study found of each lump, with its interval, as a deviation from {against}."
     figure = page_figure("comparison", caption, (comparison_figure(found, width) for width in WIDTHS))
     return filled_in("comparison.html", names=found.names, figure=figure, **found.summary())

@@ -24,11 +24,10 @@ def note(found: Findings) -> str:
     """What the study is, in Markdown."""
     shown, trials, noun = found.summary, found.summary["trials"], found.sought.noun
     plant = escaped(shown["plant"])
+    companion = ""
     if is_long(found):
         name = escaped(companion_name(found.name))
         companion = f"This study is long. The study *{name}* has its best trials, and others evenly spaced."
-    else:
-        companion = ""
     faults = shown_rows(shown, "faults")
     fault_table = f"\n{_table(faults, 'fault', FORMS)}\n" if faults else ""
     return f"""# {escaped(found.name)}

@@ -32,8 +32,7 @@ def scene(plant: MujocoPlant) -> mujoco.MjModel:
     chain = plant.chain
     spec = build_spec(chain, plant.felt_gravity, plant.timestep, plant.tilt)
     spec.visual.global_.offwidth = spec.visual.global_.offheight = PIXELS
-    spec.visual.headlight.ambient = [0.5, 0.5, 0.5]
-    spec.visual.headlight.diffuse = [0.5, 0.5, 0.5]
+    spec.visual.headlight.ambient = spec.visual.headlight.diffuse = [0.5, 0.5, 0.5]
     reach = float(chain.length.sum())
     spec.stat.extent, spec.stat.center = 2.0 * reach, [0.0, 0.0, 0.0]
     spec.add_texture(

@@ -206,14 +206,11 @@ class Gallery(Pictures):
         plot_convergence(self.found, left)
         plot_error(self.found, right)
         if self.found.nominal_error is None:
-            caption += " The other panel has the largest error of a lump of the best candidate, which the search never"
-            return figure, f"{caption} sees."
-        share_legend(figure, [left, right])
-        caption += (
-            " The other panel has how wrong the arm of the best trial is on states that no trial has seen, which no "
-            "search sees."
-        )
-        return figure, caption
+            other = "the largest error of a lump of the best candidate, which the search never sees"
+        else:
+            share_legend(figure, [left, right])
+            other = "how wrong the arm of the best trial is on states that no trial has seen, which no search sees"
+        return figure, f"{caption} The other panel has {other}."
 
     def _factors(self, width: float) -> Drawn:
         figure, axes = panels(width, len(self.names))

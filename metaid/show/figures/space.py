@@ -115,11 +115,9 @@ def _draw_joints(axes: Axes3D, places: Array, directions: Array, size: float) ->
 def _label(arm: ArmPlant, i: int) -> str:
     tree = arm.tree
     low, high = tree.low[i], tree.high[i]
-    unlimited = np.isinf([low, high]).any()
     if tree.slides[i]:
-        reach = "without limits" if unlimited else f"{low:g} to {high:g} m"
+        kind, reach = "slide", f"{low:g} to {high:g} m"
     else:
-        reach = "without limits" if unlimited else f"{np.degrees(low):.0f}° to {np.degrees(high):.0f}°"
-    reach = reach.replace("-", "−")
-    kind = "slide" if tree.slides[i] else "hinge"
+        kind, reach = "hinge", f"{np.degrees(low):.0f}° to {np.degrees(high):.0f}°"
+    reach = "without limits" if np.isinf([low, high]).any() else reach.replace("-", "−")
     return f"{i + 1}  {verbatim(tree.names[i])}, link of {tree.mass[i]:.3g} kg\n     {kind}, {reach}"
