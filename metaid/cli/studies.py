@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -147,18 +148,17 @@ def _stored(name: str, storage: str, changes: Sequence[str]) -> StudySpec | None
     from metaid.files import find_file
     from metaid.study import stored_spec
 
-    try:
+    with suppress(StudyError):
         find_file("studies", name, StudyError)
-    except StudyError:
-        try:
-            with open_store(storage) as store:
-                spec = stored_spec(store, name) if name in store.names() else None
-        except StorageError:
-            return None  # what is wrong is that there is no such file
-        if spec is not None and changes:
-            raise click.UsageError(f"--set changes a study file, and '{name}' is in {storage}") from None
-        return spec
-    return None
+        return None
+    try:
+        with open_store(storage) as store:
+            spec = stored_spec(store, name) if name in store.names() else None
+    except StorageError:
+        return None  # what is wrong is that there is no such file
+    if spec is not None and changes:
+        raise click.UsageError(f"--set changes a study file, and '{name}' is in {storage}")
+    return spec
 
 
 def _undetermined(spec: StudySpec) -> str | None:
