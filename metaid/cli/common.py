@@ -181,10 +181,9 @@ def print_table(
     """
     from metaid.cli.layout import Column, laid_out, terminal_width
 
-    cells = [tuple(one_line(row[i]) for row in rows) for i in range(len(columns))]
     made = [
-        Column(heading, own, i == 0 or heading in words)
-        for i, (heading, own) in enumerate(zip(columns, cells, strict=True))
+        Column(heading, tuple(one_line(row[i]) for row in rows), i == 0 or heading in words)
+        for i, heading in enumerate(columns)
     ]
     layout = laid_out(made, dispensable, width := terminal_width())
     say(one_line(title))

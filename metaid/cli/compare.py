@@ -51,8 +51,7 @@ def compare(names: tuple[str, ...], storage: str, as_json: bool, output: Path | 
     words = ["sampler", "verdict", "by the"]
     rows = [
         [
-            *(row[key] for key in ("name", "sampler", "verdict", "source")),
-            *(str(row[key]) for key in ("trials", "pruned")),
+            *(str(row[key]) for key in ("name", "sampler", "verdict", "source", "trials", "pruned")),
             number_text(row["seconds"], ".4g"),
             number_text(row["misfit"], ".3g"),
             error_text(row["max_error"], ""),

@@ -12,7 +12,7 @@ from metaid.cli.studies import study
 from metaid.errors import StudyError
 from metaid.frames import json_rows, number_text
 
-WORDS, COUNTS = ("name", "plant", "sampler", "measure", "verdict"), ("trials", "pruned")
+SHOWN = ("name", "plant", "sampler", "measure", "verdict", "trials", "pruned")
 
 
 @study.command("list", epilog="\b\nExample:\n  metaid study list --shipped")
@@ -41,19 +41,13 @@ def list_studies(storage: str, shipped: bool, as_json: bool) -> None:
         print_json({"studies": rows, "others": others})
         return
     cells = [
-        [
-            *(row[key] for key in WORDS),
-            *(str(row[key]) for key in COUNTS),
-            number_text(row["best"]),
-            error_text(row["max_error"], ""),
-        ]
-        for row in rows
+        [*(str(row[key]) for key in SHOWN), number_text(row["best"]), error_text(row["max_error"], "")] for row in rows
     ]
     print_table(
         f"Studies in {store.shown}",
         ["study", "plant", "sampler", "measure", "verdict", "trials", "falls", "best", "largest error"],
         cells,
-        words=WORDS,
+        words=["plant", "sampler", "measure", "verdict"],
         dispensable=["measure", "falls", "plant", "sampler", "best", "largest error"],
     )
     if others:

@@ -139,9 +139,7 @@ def _print_faults(faults: list[dict[str, Any]]) -> None:
 
 
 def lump_cells(lump: dict[str, Any]) -> list[str]:
-    """The numbers of a lump by COLUMNS, its error and unit; in the place of an identified value that there is not, that
-    it was not found.
-    """
+    """The numbers of a lump by COLUMNS, its error and unit."""
     return [*_cells(lump, COLUMNS), error_text(lump["error"]), lump["unit"]]
 
 

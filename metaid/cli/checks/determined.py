@@ -40,7 +40,9 @@ def _print_lumps(problem: Problem, shown: dict[str, Any]) -> None:
     headings = ["lump", "to within", "determined", *(["from", "to", "unit"] if is_bounded else [])]
     print_table(title, headings, rows, words=["determined", "unit"], dispensable=["from", "to"])
     if is_bounded:
-        say(f"a lump beyond from and to is excluded by the bounds{_and_widened(problem)}")
+        moved = ": one that holds the search back is moved away, once"
+        bounds = moved if problem.widens else " (search.low, search.high)"
+        say(f"a lump beyond from and to is excluded by the bounds{bounds}")
     for combination in shown["undetermined"]:
         terms = sorted(combination.items(), key=lambda term: -abs(term[1]))[:4]
         say(
@@ -75,12 +77,6 @@ def _yes(row: dict[str, Any]) -> str:
 def judge_of(problem: Problem) -> str:
     """What determines the lumps of a study: its measure, or the estimate where that answers."""
     return "the estimate" if problem.is_told_by_estimate else problem.measure.name
-
-
-def _and_widened(problem: Problem) -> str:
-    """What becomes of the bounds, as the end of a sentence."""
-    widens = problem.widens
-    return ": one that holds the search back is moved away, once" if widens else " (search.low, search.high)"
 
 
 def _share(value: float) -> str:
