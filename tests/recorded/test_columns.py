@@ -124,6 +124,12 @@ def test_what_a_motor_is_sent_stands_for_its_torque(word: str, what: str) -> Non
     assert any(repair.text.startswith(f"{what} stand for torques: ") for repair in record.repairs)
 
 
+def test_one_column_for_what_a_motor_of_several_joints_is_sent_is_named() -> None:
+    log = clean().drop(columns="torque_2").rename(columns={"torque_1": "duty"})
+    (repair,) = read(log, may_swing=True, needs_torques=False).repairs
+    assert repair.text == "no torques: taken to swing freely (--map duty=torque_JOINT where a motor moves it)"
+
+
 def test_column_that_says_but_its_unit_goes_after_one_that_says_what_it_is() -> None:
     log = clean().assign(elbow_motor_rad=9.0, hand_rad=9.0)
     log = log.rename(columns={"angle_1": "angle_elbow", "angle_2": "angle_hand"})

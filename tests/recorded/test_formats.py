@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,7 +13,7 @@ import pandas as pd
 import pytest
 from scipy.io import savemat
 
-from metaid.errors import RecordError
+from metaid.errors import MissingExtraError, RecordError
 from metaid.recorded import every_run
 from tests.clean_logs import clean, intake, kinds, read
 
@@ -138,6 +139,12 @@ def test_arrays_are_read_as_tables(how: str, tmp_path: Path) -> None:
     np.testing.assert_array_equal(record.angles, usual.angles)
     np.testing.assert_array_equal(record.speeds, usual.speeds)
     np.testing.assert_array_equal(record.torques, usual.torques)
+
+
+def test_hdf5_needs_an_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "h5py", None)
+    with pytest.raises(MissingExtraError, match=r"h5py is not installed: python -m pip install 'h5py>="):
+        read(str(tmp_path / "run.h5"))
 
 
 def test_comments_above_a_table_may_be_many_and_look_like_names(tmp_path: Path) -> None:

@@ -137,6 +137,12 @@ def test_user_says_the_unit_of_columns_whose_names_do_not() -> None:
         read(log, columns={"angle": "angle:grad"})
 
 
+def test_wheel_may_turn_as_many_degrees_as_its_column_says() -> None:
+    log = clean().drop(columns=["speed_1", "speed_2"]).assign(angle_1=lambda own: own["angle_1"] + 70.0 * own["time"])
+    degrees = log.assign(angle_1=np.degrees(log["angle_1"])).rename(columns={"angle_1": "angle_1_deg"})
+    np.testing.assert_allclose(read(degrees).angles[:, 0], log["angle_1"], atol=1e-9)
+
+
 def test_unit_that_a_name_says_wrongly_is_refused_by_the_speeds() -> None:
     """Angles in rad whose column says that they are in degrees."""
     with pytest.raises(RecordError, match=r"times how fast angle_1_deg changes, which looks like degrees"):
