@@ -169,6 +169,13 @@ def test_what_a_serial_port_said_is_a_table(tmp_path: Path) -> None:
     assert [repair.text for repair in record.repairs] == ["2 rows without a number left out, the first row 1601: time"]
 
 
+def test_names_in_a_comment_are_those_of_columns_though_units_stand_below(tmp_path: Path) -> None:
+    log, path = clean(), tmp_path / "run.csv"
+    units = ",".join("s" if name == "time" else "rad" for name in log.columns)
+    path.write_text(f"# {','.join(log.columns)}\n{units}\n{log.to_csv(index=False, header=False)}")
+    np.testing.assert_array_equal(read(str(path)).angles, read(log).angles)
+
+
 @pytest.mark.parametrize(
     ("name", "content", "says"),
     [

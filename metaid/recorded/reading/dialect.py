@@ -44,8 +44,8 @@ def dialect_of(path: Path) -> Dialect:
         separator = _separator(line)
         names = _fields(line.lstrip("#% ") if line.startswith(COMMENTS) else line, separator)
         below = next((other for other in lines[above + 1 :] if other.strip()), COMMENTS[0])
-        is_title = line.startswith(COMMENTS) and not any(map(is_number, _fields(below, separator)))
-        if below.startswith(COMMENTS) or is_title:
+        stand_twice = line.startswith(COMMENTS) and names[1:] == _fields(below, separator)[1:]
+        if below.startswith(COMMENTS) or stand_twice:
             continue
         # with or without an end
         counts = {len(_fields(each, separator)) for each in (below, below.rstrip(f"{separator} "))}

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from metaid.errors import RecordError
 from metaid.models import Array
-from metaid.recorded.reading.readings import LogRun, noise_of
+from metaid.recorded.reading.readings import TURN, LogRun, noise_of
 
 LEAST_ROWS = 100
 MANY_TURNS = 25.0  # rad: a hinge that is said to be farther from 0 is probably logged in degrees
@@ -18,8 +18,7 @@ CALM = 0.05  # of a joint's fastest speed: below it the ratio of two speeds says
 ABOVE_NOISE = 5.0  # standard deviations
 FAR_FROM_ONE = 1.5  # between a speed and the change of its angle
 ALIKE = 0.1  # how much the ratios of several joints differ where their times are wrong
-SHAKEN = 0.01  # of how far the farthest joint of a log goes: one that goes no farther is held, and others shake it
-TURN = 2.0 * np.pi  # rad: how far a wheel turns counts as this
+SHAKEN = 0.01  # of how far the farthest joint of a log goes, or a turn: one that goes less is held, and others shake it
 DEGREES = 180.0 / np.pi
 RADIANS = re.compile(r"(?<![a-z])rad(ians?)?(?![a-z])", re.IGNORECASE)  # in a column's own name
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from metaid.models import Array
 
+TURN = 2.0 * np.pi  # rad
 NO_READING = 1e15  # in any unit: what a recorder wrote that had none yet
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from metaid.errors import RecordError
 from metaid.models import Array
-from metaid.recorded.reading.readings import LogRun, counted, resolution_of
+from metaid.recorded.reading.readings import TURN, LogRun, counted, resolution_of
 
 WILD = 12.0  # standard deviations of what neighbours leave of a reading
 SHAPE = np.array([1.0 / 6.0, -2.0 / 3.0, 1.0, -2.0 / 3.0, 1.0 / 6.0])  # what one wild reading leaves of five
@@ -24,7 +24,6 @@ NEARBY = 25  # rows on either side
 SLIGHT = 1e-3  # of what a column spans: a wild reading that is less does no harm
 HEAD, FARTHER, FAR = 25, 5.0, 10.0  # rows; times what a joint spans, and rad or m: farther off is no reading
 SELDOM = 0.02  # of the readings: more wild ones are a broken sensor
-TURN = 2.0 * np.pi
 NEAR_A_TURN = 0.6  # rad
 FASTEST = 300.0  # rad/s: an angle that jumps faster is not an angle
 JUMP = 0.3  # rad

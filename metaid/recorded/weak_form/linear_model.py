@@ -29,6 +29,7 @@ from metaid.models.tree import (
     is_pendulum,
     turning,
 )
+from metaid.recorded.reading.readings import TURN
 
 TERMS, BASE = (*COLUMNS, "hysteresis", "bent"), ("viscous", "coulomb")
 ROTOR = PARAMETERS.index("rotor")
@@ -46,8 +47,7 @@ How = Literal["presliding", "bent"]  # of `Sliding`: how dry friction follows th
 TURNED, SLIGHT = 0.5, 1e-3  # rad or m; of the largest torque
 LEAST_TURN, LEAST_SLIDE = 0.02, 0.002  # rad, m: within less a joint does not slide, it bends and creeps
 POSES = 64  # in which bodies are weighed
-TURN = 2.0 * np.pi  # rad: a wheel that turns on and on makes nothing else held
-HELD = 0.02  # of how far the joint turns that turns farthest: one that turns by less is held, and gives way
+HELD = 0.02  # of how far the joint turns that turns farthest, or a turn: one that turns by less is held, and gives way
 
 
 @dataclass(frozen=True)
